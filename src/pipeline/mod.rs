@@ -1,0 +1,71 @@
+//! Rays in, model and artifacts out. Pure: no disk, no clock, no network, no async; bytes come from a reader it is
+//! handed, randomness from a seed, parallelism from rayon's ambient pool. `README.md` has the conventions.
+//!
+//! Reading order is the order of the flow; each module may name only those above it (`tests/architecture.rs`).
+
+/// Words that at least two stages speak.
+pub mod vocabulary;
+/// What can go wrong, in three kinds: malformed, refused, asked for wrongly.
+mod error;
+/// 1. Files to rays.
+pub mod rays;
+/// 2. Rays to a surface.
+pub mod hull;
+/// 3. Rays onto the surface.
+pub mod flux;
+/// 4. Flux to angles.
+pub mod goniogram;
+/// 5. What a renderer needs: the radiance of a point and a direction.
+pub mod model;
+/// 6. Results to files.
+pub mod artifacts;
+
+pub use artifacts::Artifact;
+pub use error::{Error, Fault, Place};
+pub use rays::{Bytes, Input};
+pub use vocabulary::limits::Limits;
+pub use vocabulary::notice::Notice;
+pub use vocabulary::watch::{Stage, Unwatched, Watch};
+
+use serde::Serialize;
+use vocabulary::watch::StageWatch;
+
+/// Everything a caller may choose. `Default` is what a new user gets; every choice is echoed in the report.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Options {
+    /// How rays are read.
+    pub rays: rays::Options,
+    /// How emission points become a surface.
+    pub hull: hull::Options,
+    /// How rays are laid on the surface.
+    pub flux: flux::Options,
+    /// How zones and their goniograms are made.
+    pub goniogram: goniogram::Options,
+    /// How results are written.
+    pub artifacts: artifacts::Options,
+}
+
+/// What a run gives back.
+#[derive(Debug)]
+pub struct Outcome {
+    /// The model itself.
+    pub model: model::Model,
+    /// The files, in the order of the zip; the zip itself is [`artifacts::zip`]'s.
+    pub artifacts: Vec<Artifact>,
+}
+
+/// The whole flow. `inputs` are the ray sets of one source, in one frame.
+///
+/// # Errors
+/// [`Error`]: malformed or refused input, unusable options, cancelled by the watcher, or unreadable bytes.
+pub fn run(inputs: &[Input], options: &Options, limits: &Limits, watch: &dyn Watch) -> Result<Outcome, Error> {
+    let source = rays::read(inputs, &options.rays, limits, StageWatch::enter(watch, Stage::Rays)?)?;
+    let cloud = hull::cloud::emission(&source, options.hull.emission);
+    let hull = hull::wrap(&cloud, &options.hull, limits, StageWatch::enter(watch, Stage::Hull)?)?;
+    let surface = flux::project(&cloud, &hull, &options.flux, StageWatch::enter(watch, Stage::Flux)?)?;
+    let goniograms =
+        goniogram::measure(&cloud, &hull, &surface, &options.goniogram, StageWatch::enter(watch, Stage::Goniogram)?)?;
+    let model = model::Model::new(&source, hull, surface, goniograms, StageWatch::enter(watch, Stage::Model)?)?;
+    let artifacts = artifacts::write(&model, options, StageWatch::enter(watch, Stage::Artifacts)?)?;
+    Ok(Outcome { model, artifacts })
+}

@@ -1,0 +1,83 @@
+//! 5. What a renderer needs: the radiance of a point and a direction.
+//!
+//! L = M(x, λ) q(ω; x, λ) / cos θ (`MODEL.md` 7).
+
+/// The model evaluated.
+pub mod radiance;
+
+use super::Error;
+use super::flux::Surface;
+use super::goniogram::Goniograms;
+use super::hull::Hull;
+use super::rays::Source;
+use super::rays::source::Spectral;
+use super::vocabulary::notice::Notice;
+use super::vocabulary::units::Flux;
+use super::vocabulary::watch::StageWatch;
+use serde::Serialize;
+
+/// What the model keeps of one ray set: provenance and what was read.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Origin {
+    /// What the user calls the file.
+    pub name: String,
+    /// SHA-256 of the file, lower-case hex.
+    pub sha256: String,
+    /// Bytes in the file.
+    pub byte_count: u64,
+    /// "IES TM-25", …
+    pub format: &'static str,
+    /// Rays in the file.
+    pub ray_count: u64,
+    /// Rays that went on after the check.
+    pub rays_used: u64,
+    /// Totals in the header.
+    pub header_flux: Flux,
+    /// Sum of the stored ray values (W and lm, or relative).
+    pub ray_sum: Flux,
+    /// Header total over ray sum, of the quantity the rays carry; `None` where the header has none.
+    pub header_over_sum: Option<f64>,
+    /// Texts of the header.
+    pub texts: Vec<(String, String)>,
+}
+
+/// A continuous source model.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// Where it came from.
+    pub origins: Vec<Origin>,
+    /// Total flux of the rays.
+    pub flux: Flux,
+    /// Its spectral side.
+    pub spectral: Spectral,
+    /// The surface.
+    pub hull: Hull,
+    /// Flux on it.
+    pub surface: Surface,
+    /// Zones and goniograms.
+    pub goniograms: Goniograms,
+    /// Everything noticed on the way, in stage order.
+    pub notices: Vec<Notice>,
+}
+
+impl Model {
+    /// Puts the results of the stages together.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`].
+    pub fn new(
+        source: &Source,
+        hull: Hull,
+        surface: Surface,
+        goniograms: Goniograms,
+        watch: StageWatch<'_>,
+    ) -> Result<Model, Error> {
+        let _ = (source, hull, surface, goniograms, watch);
+        todo!()
+    }
+
+    /// Spectral flux of a vertex, W/nm per band; empty without bands.
+    pub fn vertex_spectrum_w_per_nm(&self, vertex: usize) -> Vec<f64> {
+        self.spectral.bands_w_per_nm(self.surface.vertices.columns_of(vertex))
+    }
+}

@@ -1,0 +1,201 @@
+//! 1. Files to rays.
+
+/// Bounded reading: every failure knows its offset, no count is trusted.
+pub mod bytes;
+/// Which format a file is, from content alone.
+pub mod detect;
+/// IES TM-25 ray files.
+pub mod tm25;
+/// Zemax / OpticStudio binary source files.
+pub mod zemax;
+/// What a ray must satisfy.
+pub mod check;
+/// Several ray sets become one source; the only way to its rays.
+pub mod source;
+/// One reading of everything: totals, box, directions, notices.
+pub mod survey;
+/// Known sources with closed-form answers.
+pub mod synthetic;
+
+pub use source::{Ray, Source};
+
+use super::Error;
+use super::vocabulary::limits::Limits;
+use super::vocabulary::notice::Notices;
+use super::vocabulary::spectrum::Table;
+use super::vocabulary::units::Flux;
+use super::vocabulary::watch::StageWatch;
+use serde::Serialize;
+use std::io;
+use std::sync::Arc;
+
+/// Random access to the bytes of a ray file, which may be larger than memory.
+pub trait Bytes: Send + Sync {
+    /// Total length in bytes.
+    fn len(&self) -> u64;
+    /// True when there are no bytes.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+    /// Fills all of `into` from `offset`.
+    ///
+    /// # Errors
+    /// `UnexpectedEof` past the end; whatever the medium answers.
+    fn read_at(&self, offset: u64, into: &mut [u8]) -> io::Result<()>;
+}
+
+impl Bytes for Vec<u8> {
+    fn len(&self) -> u64 {
+        self.as_slice().len() as u64
+    }
+
+    fn read_at(&self, offset: u64, into: &mut [u8]) -> io::Result<()> {
+        let start = usize::try_from(offset).map_err(|_| io::ErrorKind::UnexpectedEof)?;
+        let end = start.checked_add(into.len()).ok_or(io::ErrorKind::UnexpectedEof)?;
+        into.copy_from_slice(self.get(start..end).ok_or(io::ErrorKind::UnexpectedEof)?);
+        Ok(())
+    }
+}
+
+/// One ray file as handed in.
+#[derive(Clone)]
+pub struct Input {
+    /// What the user calls it; goes into provenance, decides nothing.
+    pub name: String,
+    /// SHA-256 of the bytes, lower-case hex; goes into provenance.
+    pub sha256: String,
+    /// The bytes.
+    pub bytes: Arc<dyn Bytes>,
+}
+
+/// How rays are read.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Options {
+    /// Edges of the spectral bands, nm, strictly increasing. Default: 380..780 in 10 nm, wider (at whole 10 nm) where the rays
+    /// are.
+    pub band_edges_nm: Option<Vec<f64>>,
+}
+
+/// File formats we read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub enum Format {
+    /// IES TM-25-13 / -20.
+    #[serde(rename = "IES TM-25")]
+    Tm25,
+    /// Zemax / OpticStudio binary .dat/.sdf.
+    #[serde(rename = "Zemax binary")]
+    ZemaxBinary,
+}
+
+impl Format {
+    /// The name people use.
+    pub fn name(self) -> &'static str {
+        match self {
+            Format::Tm25 => "IES TM-25",
+            Format::ZemaxBinary => "Zemax binary",
+        }
+    }
+}
+
+/// Which total is right (`FORMATS.md` 7).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TotalRule {
+    /// The header's; ray values are relative.
+    Header,
+    /// The sum of the rays.
+    RaySum,
+}
+
+/// Which spectral information the rays of a file carry.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SpectralData {
+    /// None.
+    None,
+    /// One spectrum for all rays: a table, or one wavelength (a table of one point).
+    Table(Table),
+    /// A wavelength per ray.
+    Wavelength,
+    /// A table index per ray, [`RawRay::table`] counting from 0.
+    Tables(Vec<Table>),
+    /// Tristimulus X, Y (= luminous flux), Z per ray.
+    Tristimulus,
+}
+
+/// What a file says of itself.
+#[derive(Clone, Debug)]
+pub struct Facts {
+    /// The format it is.
+    pub format: Format,
+    /// Rays in the file, proven by its size.
+    pub ray_count: u64,
+    /// Totals in the header, where it has any.
+    pub header_flux: Flux,
+    /// Which total is right.
+    pub total_rule: TotalRule,
+    /// Rays carry radiant flux.
+    pub has_radiant: bool,
+    /// Rays carry luminous flux.
+    pub has_luminous: bool,
+    /// What they carry of the spectrum.
+    pub spectral: SpectralData,
+    /// Everything else worth telling, `(name, value)` in the file's order: texts, dates, versions, codes.
+    pub texts: Vec<(String, String)>,
+    /// What was odd about the header and yet read.
+    pub notices: Notices,
+}
+
+/// One record as the file has it: converted to mm, nm and f64, not checked, not scaled. Absent values are 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RawRay {
+    /// Start, mm.
+    pub origin_mm: [f64; 3],
+    /// Direction, as stored.
+    pub direction: [f64; 3],
+    /// Radiant flux as stored: W, or relative.
+    pub radiant: f64,
+    /// Luminous flux (tristimulus Y) as stored: lm, or relative.
+    pub luminous: f64,
+    /// Wavelength, nm.
+    pub wavelength_nm: f64,
+    /// Index of the spectral table, from 0; `u32::MAX` where the file's is out of range.
+    pub table: u32,
+    /// Tristimulus X and Z as stored, in the unit of `luminous`.
+    pub xz: [f64; 2],
+}
+
+/// Random access to the records of one file.
+pub trait Records: Send + Sync {
+    /// Appends records `first..first + count` to `rays`. The range lies within [`Facts::ray_count`].
+    ///
+    /// # Errors
+    /// [`Error::Unreadable`] from the medium; [`Error::Malformed`] where a record has no meaning at all.
+    fn read(&self, first: u64, count: usize, rays: &mut Vec<RawRay>) -> Result<(), Error>;
+}
+
+/// One ray file, opened: header decoded, count proven, records at hand.
+pub struct RaySet {
+    /// What the file says of itself.
+    pub facts: Facts,
+    /// Its records.
+    pub records: Box<dyn Records>,
+}
+
+/// Opens one ray file: detects its format, decodes its header, proves its count. Reads no ray.
+///
+/// # Errors
+/// [`Error::Malformed`], [`Error::Refused`], [`Error::Unreadable`].
+pub fn open(bytes: Arc<dyn Bytes>, limits: &Limits) -> Result<RaySet, Error> {
+    match detect::detect(bytes.as_ref())? {
+        Format::Tm25 => tm25::open(bytes, limits),
+        Format::ZemaxBinary => zemax::open(bytes, limits),
+    }
+}
+
+/// Opens the ray sets of one source and surveys every ray once.
+///
+/// # Errors
+/// As [`open`]; [`Error::Refused`] when no usable ray is left or too many had to be refused; [`Error::Cancelled`].
+pub fn read(inputs: &[Input], options: &Options, limits: &Limits, watch: StageWatch<'_>) -> Result<Source, Error> {
+    Source::read(inputs, options, limits, watch)
+}

@@ -1,0 +1,16 @@
+//! Words that at least two stages speak. Knows no stage.
+
+/// Radiant and luminous flux, and what is known of each.
+pub mod units;
+/// The source frame: axes, boxes, the photometric frame.
+pub mod space;
+/// Wavelengths: bands, tables, the CIE observer, display colour.
+pub mod spectrum;
+/// The CIE 1931 2° observer, tabulated.
+mod cie_1931;
+/// What a caller allows an input to ask of this machine.
+pub mod limits;
+/// What was repaired, dropped or refused while reading, counted.
+pub mod notice;
+/// Progress out, cancellation in.
+pub mod watch;
