@@ -51,7 +51,7 @@ pub struct Surface {
     pub notices: Notices,
 }
 
-/// Rays that a vertex's estimate is averaged over: 6 % noise is left.
+/// Rays that a vertex's estimate is averaged over: 5 % noise is left.
 const SMOOTHING_RAYS: f64 = 900.0;
 /// Smoothing reaches at most this many lattice cells: noise is a matter of neighbours, form is not.
 const SMOOTHING_CELLS: f64 = 3.0;
