@@ -208,3 +208,6 @@ pub fn open(bytes: Arc<dyn Bytes>, limits: &Limits) -> Result<RaySet, Error> {
 pub fn read(inputs: &[Input], options: &Options, limits: &Limits, watch: StageWatch<'_>) -> Result<Source, Error> {
     Source::read(inputs, options, limits, watch)
 }
+
+#[cfg(test)]
+mod tests;
