@@ -1,17 +1,46 @@
 //! 2. Rays to a surface [Построение геометрии оболочки источника света].
+//!
+//! The paper's six views look at one regular lattice over the cloud's box, so that neighbouring views meet on common lattice
+//! nodes: stitching is exact, and the surface manifold by construction. The modules below are the steps, in order.
 
 /// From rays to emission points.
 pub mod cloud;
+/// The regular lattice the six views share.
+mod lattice;
+/// Pass 1: how many emission points lie in each cell; which resolution they carry; strays.
+mod occupancy;
+/// Six projections and their level grids; the solid they carve.
+mod views;
+/// Completing level grids where points are missing by chance.
+mod fill;
+/// Pass 2: where light leaves the cells at the boundary of the solid, and in which direction.
+mod light;
+/// Which faces of the solid emit, and which join those that do.
+mod stitch;
+/// From lattice faces to quads that share vertices.
+mod join;
+/// From lattice nodes to the levels of the points.
+mod place;
+/// Groups of things that hang together.
+mod groups;
 /// Vertices, triangles, areas, normals.
 pub mod mesh;
+/// From quads to triangles.
+mod triangles;
 /// What every hull must satisfy.
 pub mod check;
+/// Clouds with known surfaces.
+#[cfg(test)]
+mod tests;
 
 pub use cloud::{Cloud, Emission};
 pub use mesh::{Hull, Label};
 
 use super::Error;
+use super::rays::Ray;
 use super::vocabulary::limits::Limits;
+use super::vocabulary::notice::Notices;
+use super::vocabulary::space::Bounds;
 use super::vocabulary::watch::StageWatch;
 use serde::Serialize;
 
@@ -26,11 +55,73 @@ pub struct Options {
     pub max_edge_mm: Option<f64>,
 }
 
+impl Options {
+    fn validate(&self) -> Result<(), Error> {
+        if let Some(resolution) = self.resolution.filter(|resolution| !(4..=256).contains(resolution)) {
+            return Err(Error::unusable(
+                "options.hull_resolution",
+                "hull.resolution",
+                format!("The hull's resolution is {resolution} cells."),
+                "Choose 4 to 256 cells, or leave it out.",
+            ));
+        }
+        if let Some(edge) = self.max_edge_mm.filter(|edge| !(edge.is_finite() && *edge > 0.0)) {
+            return Err(Error::unusable(
+                "options.hull_max_edge",
+                "hull.max_edge_mm",
+                format!("The hull's size filter is {edge} mm."),
+                "Choose a positive length in mm, or leave it out.",
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// One pass over all emission points: shows every chunk to the visitor, on any thread and in any order, so what a visitor
+/// gathers must not depend on either.
+type Pass<'a> = dyn Fn(StageWatch<'_>, &(dyn Fn(&[Ray]) + Sync)) -> Result<(), Error> + 'a;
+
+/// The size filter's default, in diagonals of a lattice cell: no triangle of an ordinary curved surface is as long.
+const MAX_EDGE_DIAGONALS: f64 = 4.0;
+
 /// Wraps the cloud in a triangle surface.
 ///
 /// # Errors
 /// [`Error::Unusable`] for options out of range; [`Error::Refused`] above [`Limits::max_lattice_cells`]; [`Error::Cancelled`].
 pub fn wrap(cloud: &Cloud<'_>, options: &Options, limits: &Limits, watch: StageWatch<'_>) -> Result<Hull, Error> {
-    let _ = (cloud, options, limits, watch);
-    todo!()
+    let pass = |watch: StageWatch<'_>, visit: &(dyn Fn(&[Ray]) + Sync)| {
+        let visit_chunk = |rays: &[Ray]| {
+            visit(rays);
+            Ok(())
+        };
+        cloud.fold(watch, (), visit_chunk, |(), ()| ())
+    };
+    wrap_points(&pass, cloud.bounds_mm, options, limits, watch)
+}
+
+/// The order of the steps.
+fn wrap_points(
+    pass: &Pass<'_>,
+    bounds_mm: Bounds,
+    options: &Options,
+    limits: &Limits,
+    watch: StageWatch<'_>,
+) -> Result<Hull, Error> {
+    options.validate()?;
+    let mut notices = Notices::default();
+    let occupancy =
+        occupancy::settle(pass, bounds_mm, options.resolution, limits, watch.part(0.0, 0.5), &mut notices)?;
+    let lattice = occupancy.lattice;
+    let max_edge_mm = options.max_edge_mm.unwrap_or(MAX_EDGE_DIAGONALS * lattice.cell_mm.length());
+
+    let mut views = views::six(&occupancy);
+    fill::fill(&mut views, &occupancy, max_edge_mm);
+    let mut solid = views::carve(lattice, &views);
+
+    let light = light::gather(pass, &solid, watch.part(0.5, 0.95))?;
+    let joined = join::join(&mut solid, &light);
+    let places = place::place(&joined, &light, &lattice);
+    let hull = triangles::build(&joined, places, &lattice, max_edge_mm, notices);
+    watch.step(1.0)?;
+    Ok(hull)
 }
