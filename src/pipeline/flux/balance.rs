@@ -30,3 +30,24 @@ pub struct Balance {
     /// Sum over vertices, after smoothing.
     pub after_smoothing: Flux,
 }
+
+impl Balance {
+    /// Largest relative difference between flux in, fates, triangles, vertices and smoothed vertices, over both quantities.
+    pub fn error(&self) -> f64 {
+        let quantity = |of: &dyn Fn(&Flux) -> Option<f64>| {
+            let value = |flux: &Flux| of(flux).unwrap_or(0.0);
+            let total = value(&self.incoming.flux);
+            let on_hull = value(&self.hit.flux) + value(&self.snapped.flux);
+            let fates = (on_hull + value(&self.rejected.flux) - total).abs();
+            let sums = [&self.on_triangles, &self.on_vertices, &self.after_smoothing];
+            let worst = sums.iter().map(|sum| (value(sum) - on_hull).abs()).fold(fates, f64::max);
+            if total > 0.0 { worst / total } else { 0.0 }
+        };
+        quantity(&|flux| flux.radiant_w).max(quantity(&|flux| flux.luminous_lm))
+    }
+
+    /// True when every ray met exactly one fate.
+    pub fn every_ray_once(&self) -> bool {
+        self.hit.rays + self.snapped.rays + self.rejected.rays == self.incoming.rays
+    }
+}

@@ -1,7 +1,7 @@
 //! 3. Rays onto the surface [Расчет поверхностного распределения светового потока].
 
-/// The spatial index over the hull: the only file that names the BVH library.
-pub mod bvh;
+/// The spatial index: the only file that names the BVH library.
+mod bvh;
 /// One ray: hit, snapped or rejected, counted exactly once.
 pub mod project;
 /// Sums per site that do not depend on the number of threads.
@@ -18,7 +18,11 @@ use super::Error;
 use super::hull::{Cloud, Hull};
 use super::vocabulary::notice::Notices;
 use super::vocabulary::watch::StageWatch;
+use balance::Share;
+use project::{Fate, Projector};
 use serde::Serialize;
+use smooth::{Reach, Site, Smoother};
+use tally::{Quanta, Tally};
 
 /// How rays are laid on the surface.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -46,11 +50,91 @@ pub struct Surface {
     pub notices: Notices,
 }
 
+/// Rays that a vertex's estimate is averaged over: 6 % noise is left.
+const SMOOTHING_RAYS: f64 = 900.0;
+/// Smoothing reaches at most this many lattice cells: noise is a matter of neighbours, form is not.
+const SMOOTHING_CELLS: f64 = 3.0;
+/// Share of rejected flux above which a user is told.
+const REJECTED_WORTH_A_NOTICE: f64 = 0.005;
+/// Sites of the tally of fates.
+const FATES: usize = 3;
+
 /// Lays every ray on the hull.
 ///
 /// # Errors
 /// [`Error::Cancelled`], [`Error::Unreadable`].
 pub fn project(cloud: &Cloud<'_>, hull: &Hull, options: &Options, watch: StageWatch<'_>) -> Result<Surface, Error> {
-    let _ = (cloud, hull, options, watch);
-    todo!()
+    let projector = Projector::new(hull);
+    let quanta = Quanta::of(cloud.source);
+    let triangles = Tally::new(&quanta, hull.triangles.len(), false);
+    let vertices = Tally::new(&quanta, hull.vertices_mm.len(), true);
+    let fates = Tally::new(&quanta, FATES, false);
+    let lay = |rays: &[super::rays::Ray]| {
+        for ray in rays {
+            let deposit = quanta.deposit(ray);
+            let Some(landing) = projector.land(ray) else {
+                fates.add(2, &deposit);
+                continue;
+            };
+            fates.add(usize::from(landing.fate == Fate::Snapped), &deposit);
+            triangles.add(landing.triangle, &deposit);
+            for (vertex, part) in hull.triangles[landing.triangle].iter().zip(deposit.split(landing.shares)) {
+                vertices.add(*vertex as usize, &part);
+            }
+        }
+        Ok(())
+    };
+    cloud.fold(watch.part(0.0, 0.9), (), lay, |(), ()| ())?;
+    let (triangles, mut vertices) = (triangles.amounts(), vertices.amounts());
+    let mut balance = account(cloud, &fates.amounts(), &triangles, &vertices);
+    if options.smoothing {
+        watch.step(0.9)?;
+        let smoother = Smoother::new(&sites(hull, &vertices), reach(hull));
+        vertices.map(|amounts| smoother.apply(amounts));
+    }
+    balance.after_smoothing = vertices.total();
+    Ok(Surface { notices: notices(&balance), triangles, vertices, balance })
+}
+
+/// Where everything went.
+fn account(cloud: &Cloud<'_>, fates: &Amounts, triangles: &Amounts, vertices: &Amounts) -> Balance {
+    let share = |fate: usize| Share { rays: fates.rays[fate].round() as u64, flux: fates.flux_of(fate) };
+    Balance {
+        incoming: Share { rays: cloud.source.survey.rays_used, flux: cloud.source.flux },
+        hit: share(0),
+        snapped: share(1),
+        rejected: share(2),
+        on_triangles: triangles.total(),
+        on_vertices: vertices.total(),
+        after_smoothing: vertices.total(),
+    }
+}
+
+/// Vertices as sites of smoothing: exitance is flux per vertex area.
+fn sites(hull: &Hull, vertices: &Amounts) -> Vec<Site> {
+    let (areas_mm2, normals) = (hull.vertex_areas_mm2(), hull.vertex_normals());
+    (0..hull.vertices_mm.len())
+        .map(|vertex| Site {
+            at: hull.vertices_mm[vertex],
+            measure: areas_mm2[vertex],
+            rays: vertices.rays[vertex],
+            part: hull.part_of_vertex[vertex],
+            normal: normals[vertex],
+        })
+        .collect()
+}
+
+fn reach(hull: &Hull) -> Reach {
+    Reach { rays: SMOOTHING_RAYS, radius: SMOOTHING_CELLS * hull.cell_mm.max_element() }
+}
+
+fn notices(balance: &Balance) -> Notices {
+    let mut notices = Notices::default();
+    let rejected = balance.rejected.flux.primary() / balance.incoming.flux.primary();
+    if rejected > REJECTED_WORTH_A_NOTICE {
+        let message =
+            format!("{:.2} % of the flux starts too far from the surface and is not in the model", 100.0 * rejected);
+        notices.count("flux.rejected", balance.rejected.rays, None, message);
+    }
+    notices
 }

@@ -1,6 +1,151 @@
 //! Sums per site that do not depend on the number of threads.
+//!
+//! Fluxes are counted in whole quanta, a power of two chosen from the total, so that addition is exact and commutative: any
+//! number of threads may add in any order, a ray split between sites loses nothing, and every balance closes to the bit. A
+//! quantum is at most 2⁻⁶⁰ of the total: the largest set of rays (2³¹) still has 2²⁹ quanta in an average ray, more than an f32
+//! file can tell apart.
 
+use super::super::rays::source::Spectral;
+use super::super::rays::{Ray, Source};
 use super::super::vocabulary::units::Flux;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Quanta in one ray's count: shares of a ray are counted to a millionth.
+const RAY_QUANTA: f64 = (1u64 << 20) as f64;
+/// A total is at most 2^this quanta; sums of it and its rounding stay below 2⁶⁴.
+const TOTAL_BITS: i32 = 61;
+/// Tristimulus X and Z may exceed Y (the total) by up to 2^this: z̄/ȳ of any wavelength above 400 nm.
+const TRISTIMULUS_BITS: i32 = 8;
+/// Values in front of the columns of a site: rays, radiant, luminous.
+const FIXED: usize = 3;
+/// Most columns one ray deposits into.
+const MOST_COLUMNS: usize = 3;
+
+/// Quanta per unit of each quantity of one source; powers of two.
+#[derive(Clone, Debug)]
+pub struct Quanta {
+    spectral: Spectral,
+    flux: Flux,
+    per_w: f64,
+    per_lm: f64,
+    per_column: f64,
+}
+
+impl Quanta {
+    /// Quanta for `source`.
+    pub fn of(source: &Source) -> Quanta {
+        Quanta::new(source.spectral.clone(), source.flux)
+    }
+
+    fn new(spectral: Spectral, flux: Flux) -> Quanta {
+        let per = |total: Option<f64>| match total {
+            Some(total) if total > 0.0 && total.is_finite() => 2f64.powi(TOTAL_BITS - 1 - total.log2().ceil() as i32),
+            _ => 0.0,
+        };
+        let (per_w, per_lm) = (per(flux.radiant_w), per(flux.luminous_lm));
+        let per_column = if spectral.has_bands() { per_w } else { per_lm * 2f64.powi(-TRISTIMULUS_BITS) };
+        Quanta { spectral, flux, per_w, per_lm, per_column }
+    }
+
+    /// What `ray` deposits.
+    pub fn deposit(&self, ray: &Ray) -> Deposit {
+        let mut deposit = Deposit {
+            fixed: [RAY_QUANTA as u64, quanta(ray.radiant_w * self.per_w), quanta(ray.luminous_lm * self.per_lm)],
+            columns: [(0, 0); MOST_COLUMNS],
+        };
+        let mut used = 0;
+        self.spectral.deposit(ray, |column, amount| {
+            if used < MOST_COLUMNS {
+                deposit.columns[used] = (column, quanta(amount * self.per_column));
+                used += 1;
+            }
+        });
+        deposit
+    }
+}
+
+/// Rounds to whole quanta; negative and not-a-number become 0.
+fn quanta(amount: f64) -> u64 {
+    amount.round() as u64
+}
+
+/// What one ray, or a share of it, adds to a site; in quanta.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Deposit {
+    fixed: [u64; FIXED],
+    columns: [(usize, u64); MOST_COLUMNS],
+}
+
+impl Deposit {
+    /// Splits by `shares` (not negative, sum 1) without losing a quantum: the last part takes what the others leave.
+    pub fn split(&self, shares: [f64; 3]) -> [Deposit; 3] {
+        let mut parts = [*self; 3];
+        let mut cut = |whole: u64, put: &dyn Fn(&mut Deposit, u64)| {
+            let first = quanta(whole as f64 * shares[0]).min(whole);
+            let second = quanta(whole as f64 * shares[1]).min(whole - first);
+            for (part, value) in parts.iter_mut().zip([first, second, whole - first - second]) {
+                put(part, value);
+            }
+        };
+        for slot in 0..FIXED {
+            cut(self.fixed[slot], &|part, value| part.fixed[slot] = value);
+        }
+        for slot in 0..MOST_COLUMNS {
+            cut(self.columns[slot].1, &|part, value| part.columns[slot].1 = value);
+        }
+        parts
+    }
+}
+
+/// Sums of deposits per site.
+pub struct Tally {
+    quanta: Quanta,
+    column_count: usize,
+    values: Vec<AtomicU64>,
+}
+
+impl Tally {
+    /// No deposits yet at `sites` sites. Memory: `8 × sites × (3 + columns)` bytes.
+    pub fn new(quanta: &Quanta, sites: usize, with_columns: bool) -> Tally {
+        let column_count = if with_columns { quanta.spectral.column_count() } else { 0 };
+        let values = std::iter::repeat_with(|| AtomicU64::new(0)).take(sites * (FIXED + column_count)).collect();
+        Tally { quanta: quanta.clone(), column_count, values }
+    }
+
+    /// Adds `deposit` to `site`; from any thread.
+    pub fn add(&self, site: usize, deposit: &Deposit) {
+        let row = site * (FIXED + self.column_count);
+        let add = |slot: usize, amount: u64| {
+            if amount != 0 {
+                self.values[row + slot].fetch_add(amount, Ordering::Relaxed);
+            }
+        };
+        for (slot, amount) in deposit.fixed.into_iter().enumerate() {
+            add(slot, amount);
+        }
+        if self.column_count > 0 {
+            for (column, amount) in deposit.columns {
+                add(FIXED + column, amount);
+            }
+        }
+    }
+
+    /// The sums, in W and lm.
+    pub fn amounts(self) -> Amounts {
+        let width = FIXED + self.column_count;
+        let scaled = |slot: usize, per_unit: f64| -> Vec<f64> {
+            self.values.chunks_exact(width).map(|row| row[slot].load(Ordering::Relaxed) as f64 / per_unit).collect()
+        };
+        let columns = self.values.chunks_exact(width).flat_map(|row| &row[FIXED..]);
+        Amounts {
+            rays: scaled(0, RAY_QUANTA),
+            radiant_w: self.quanta.flux.radiant_w.map(|_| scaled(1, self.quanta.per_w)),
+            luminous_lm: self.quanta.flux.luminous_lm.map(|_| scaled(2, self.quanta.per_lm)),
+            columns: columns.map(|value| value.load(Ordering::Relaxed) as f64 / self.quanta.per_column).collect(),
+            column_count: self.column_count,
+        }
+    }
+}
 
 /// Amounts per site: a site is a vertex, a triangle, or a cell of directions.
 #[derive(Clone, Debug, PartialEq)]
@@ -11,7 +156,7 @@ pub struct Amounts {
     pub radiant_w: Option<Vec<f64>>,
     /// Luminous flux per site, lm; `None` where the source's is unknown.
     pub luminous_lm: Option<Vec<f64>>,
-    /// Spectral columns, `[site][column]` row-major, in the unit of [`crate::pipeline::rays::source::Spectral::deposit`].
+    /// Spectral columns, `[site][column]` row-major, in the unit of [`Spectral::deposit`].
     pub columns: Vec<f64>,
     /// Columns per site.
     pub column_count: usize,
@@ -38,9 +183,120 @@ impl Amounts {
         self.radiant_w.as_deref().or(self.luminous_lm.as_deref()).unwrap_or(&[])
     }
 
+    /// Flux of one site.
+    pub fn flux_of(&self, site: usize) -> Flux {
+        let at = |values: &Option<Vec<f64>>| values.as_ref().map(|values| values[site]);
+        Flux { radiant_w: at(&self.radiant_w), luminous_lm: at(&self.luminous_lm) }
+    }
+
     /// Sum over all sites, in site order.
     pub fn total(&self) -> Flux {
         let sum = |values: &Option<Vec<f64>>| values.as_ref().map(|values| values.iter().sum());
         Flux { radiant_w: sum(&self.radiant_w), luminous_lm: sum(&self.luminous_lm) }
+    }
+
+    /// Sum of each column over all sites, in site order.
+    pub fn column_totals(&self) -> Vec<f64> {
+        let mut totals = vec![0.0; self.column_count];
+        for site in 0..self.len() {
+            for (total, amount) in totals.iter_mut().zip(self.columns_of(site)) {
+                *total += amount;
+            }
+        }
+        totals
+    }
+
+    /// The sites `range` alone.
+    pub fn slice(&self, range: std::ops::Range<usize>) -> Amounts {
+        let cut = |values: &Option<Vec<f64>>| values.as_ref().map(|values| values[range.clone()].to_vec());
+        Amounts {
+            rays: self.rays[range.clone()].to_vec(),
+            radiant_w: cut(&self.radiant_w),
+            luminous_lm: cut(&self.luminous_lm),
+            columns: self.columns[range.start * self.column_count..range.end * self.column_count].to_vec(),
+            column_count: self.column_count,
+        }
+    }
+
+    /// Adds `other` site by site.
+    pub fn accumulate(&mut self, other: &Amounts) {
+        let add = |to: &mut [f64], from: &[f64]| to.iter_mut().zip(from).for_each(|(a, b)| *a += b);
+        add(&mut self.rays, &other.rays);
+        for (to, from) in [(&mut self.radiant_w, &other.radiant_w), (&mut self.luminous_lm, &other.luminous_lm)] {
+            if let (Some(to), Some(from)) = (to, from) {
+                add(to, from);
+            }
+        }
+        add(&mut self.columns, &other.columns);
+    }
+
+    /// Replaces every quantity, seen as numbers per site, by `change` of it; `change` is linear.
+    pub fn map(&mut self, change: impl Fn(&[f64]) -> Vec<f64>) {
+        self.rays = change(&self.rays);
+        for values in [&mut self.radiant_w, &mut self.luminous_lm].into_iter().flatten() {
+            *values = change(values);
+        }
+        for column in 0..self.column_count {
+            let values: Vec<f64> = self.columns.iter().skip(column).step_by(self.column_count).copied().collect();
+            for (slot, value) in self.columns.iter_mut().skip(column).step_by(self.column_count).zip(change(&values)) {
+                *slot = value;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::rays::source::Columns;
+    use super::super::super::vocabulary::spectrum::Bands;
+    use super::*;
+    use glam::DVec3;
+
+    fn quanta_of(flux: Flux, columns: Columns) -> Quanta {
+        Quanta::new(Spectral { bands: Bands::regular(380.0, 780.0, 10.0).unwrap(), columns }, flux)
+    }
+
+    fn ray(radiant_w: f64, column: u32) -> Ray {
+        Ray {
+            index: 0,
+            origin_mm: DVec3::ZERO,
+            direction: DVec3::Z,
+            radiant_w,
+            luminous_lm: 100.0 * radiant_w,
+            column,
+            xz_lm: [0.0; 2],
+        }
+    }
+
+    #[test]
+    fn split_parts_add_up_to_the_quantum() {
+        let quanta = quanta_of(Flux { radiant_w: Some(1.0), luminous_lm: Some(100.0) }, Columns::Bands);
+        let deposit = quanta.deposit(&ray(1.0 / 3.0, 7));
+        for shares in [[0.2, 0.3, 0.5], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0 / 3.0; 3], [1.0 + 1e-16, 1e-16, -2e-16]]
+        {
+            let parts = deposit.split(shares);
+            for slot in 0..FIXED {
+                assert_eq!(parts.iter().map(|part| part.fixed[slot]).sum::<u64>(), deposit.fixed[slot]);
+            }
+            assert_eq!(parts.iter().map(|part| part.columns[0].1).sum::<u64>(), deposit.columns[0].1);
+            assert!(parts.iter().all(|part| part.columns[0].0 == 7));
+        }
+    }
+
+    #[test]
+    fn sums_do_not_depend_on_order_and_do_not_overflow() {
+        // The whole flux in one site, a million times a millionth: 2^60 quanta, exactly.
+        let quanta = quanta_of(Flux { radiant_w: Some(4.0), luminous_lm: None }, Columns::Bands);
+        let add = |order: &mut dyn Iterator<Item = usize>| {
+            let tally = Tally::new(&quanta, 1, true);
+            order.for_each(|k| tally.add(0, &quanta.deposit(&ray(4.0 * (k + 1) as f64 / 500_500.0, (k % 41) as u32))));
+            tally.amounts()
+        };
+        let (forth, back) = (add(&mut (0..1000)), add(&mut (0..1000).rev()));
+        assert_eq!(forth, back);
+        assert!((forth.radiant_w.as_ref().unwrap()[0] - 4.0).abs() < 1e-13);
+        assert!((forth.columns.iter().sum::<f64>() - 4.0).abs() < 1e-13);
+        assert_eq!(forth.rays, [1000.0]);
+        assert_eq!(forth.luminous_lm, None);
     }
 }

@@ -1,6 +1,23 @@
 //! Directions to intensities.
 
+use super::super::flux::Amounts;
+use super::super::flux::smooth::{Reach, Site, Smoother};
+use super::super::rays::source::Spectral;
+use super::super::rays::survey::DirectionCube;
 use super::super::vocabulary::units::Flux;
+use super::{Options, SphereGrid};
+use glam::DVec3;
+
+/// Rays that an intensity is averaged over: about 9 % noise is left in the dimmest cell that is reached.
+const SMOOTHING_RAYS: f64 = 400.0;
+/// Smoothing reaches at most this far, radians: 12°.
+const SMOOTHING_REACH: f64 = 0.21;
+/// Steps of γ to choose from, degrees.
+const GAMMA_STEPS_DEG: [f64; 4] = [5.0, 2.5, 1.0, 0.5];
+/// Step of C unless asked otherwise, degrees.
+const C_STEP_DEG: f64 = 10.0;
+/// γ intervals and C planes of the spectral grid: 15° × 30°.
+const SPECTRAL_GRID: (usize, usize) = (12, 12);
 
 /// The angular distribution of a zone or of the whole source.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -32,4 +49,167 @@ pub struct Quality {
     pub relative_noise_at_peak: f64,
     /// Widest smoothing radius, degrees; 0 when off.
     pub smoothing_deg: f64,
+}
+
+/// The two grids of a run.
+pub struct Grids {
+    /// Luminous and radiant intensities.
+    pub fine: SphereGrid,
+    /// Spectral intensities: 40 bands want more rays per cell than one number does.
+    pub spectral: SphereGrid,
+}
+
+impl Grids {
+    /// As asked, else: γ steps of at most an eighth of the beam's full width at half maximum (`OUTPUTS.md` 1.4), C steps of 10°.
+    pub fn new(directions: &DirectionCube, options: &Options) -> Grids {
+        let eighth_deg = full_width_deg(directions) / 8.0;
+        let [.., finest] = GAMMA_STEPS_DEG;
+        let chosen_deg = GAMMA_STEPS_DEG.into_iter().find(|step| *step <= eighth_deg).unwrap_or(finest);
+        let gamma_count = (180.0 / options.gamma_step_deg.unwrap_or(chosen_deg)).round() as usize;
+        let c_count = (360.0 / options.c_step_deg.unwrap_or(C_STEP_DEG)).round() as usize;
+        Grids {
+            fine: SphereGrid::new(gamma_count, c_count),
+            spectral: SphereGrid::new(SPECTRAL_GRID.0, SPECTRAL_GRID.1),
+        }
+    }
+
+    /// The goniogram of zone `id` from the tallies of all zones (sites `zone × cells + cell`).
+    pub fn goniogram(
+        &self,
+        id: usize,
+        fine: &Amounts,
+        spectral: &Amounts,
+        spectrum: &Spectral,
+        smoothing: bool,
+    ) -> Goniogram {
+        let fine_cells = self.fine.cell_count();
+        let spectral_cells = if spectral.is_empty() { 0 } else { self.spectral.cell_count() };
+        let fine = fine.slice(id * fine_cells..(id + 1) * fine_cells);
+        let spectral = spectral.slice(id * spectral_cells..(id + 1) * spectral_cells);
+        self.intensities(fine, spectral, spectrum, smoothing)
+    }
+
+    /// The goniogram of all zones together.
+    pub fn total(
+        &self,
+        zones: usize,
+        fine: &Amounts,
+        spectral: &Amounts,
+        spectrum: &Spectral,
+        smoothing: bool,
+    ) -> Goniogram {
+        let sum = |amounts: &Amounts, cells: usize| {
+            let mut sum = amounts.slice(0..cells);
+            (1..zones).for_each(|zone| sum.accumulate(&amounts.slice(zone * cells..(zone + 1) * cells)));
+            sum
+        };
+        let spectral_cells = if spectral.is_empty() { 0 } else { self.spectral.cell_count() };
+        self.intensities(sum(fine, self.fine.cell_count()), sum(spectral, spectral_cells), spectrum, smoothing)
+    }
+
+    fn intensities(&self, mut fine: Amounts, mut spectral: Amounts, spectrum: &Spectral, smoothing: bool) -> Goniogram {
+        let mut quality = counts(&fine.rays);
+        let mut noise_rays = fine.rays.clone();
+        if smoothing {
+            let smoother = smoother(&self.fine, &fine.rays);
+            noise_rays = (0..fine.len()).map(|cell| smoother.effective_rays(&fine.rays, cell)).collect();
+            fine.map(|amounts| smoother.apply(amounts));
+            quality.smoothing_deg = smoother.widest.to_degrees();
+            if !spectral.is_empty() {
+                let smoother = self::smoother(&self.spectral, &spectral.rays);
+                spectral.map(|amounts| smoother.apply(amounts));
+            }
+        }
+        let solid_angles_sr = self.fine.cell_solid_angles_sr();
+        let per_sr = |flux: &Vec<f64>| -> Vec<f64> {
+            let cells: Vec<f64> =
+                flux.iter().zip(&solid_angles_sr).map(|(flux, solid_angle)| flux / solid_angle).collect();
+            self.fine.nodes_from_cells(&cells)
+        };
+        quality.relative_noise_at_peak = peak_noise(fine.primary(), &solid_angles_sr, &noise_rays);
+        Goniogram {
+            rays: fine.rays.iter().sum(),
+            flux: fine.total(),
+            luminous_cd: fine.luminous_lm.as_ref().map(per_sr),
+            radiant_w_per_sr: fine.radiant_w.as_ref().map(per_sr),
+            spectral_w_per_sr_nm: self.spectral_intensities(&spectral, spectrum),
+            spectral_flux_w_per_nm: spectrum.bands_w_per_nm(&spectral.column_totals()),
+            quality,
+        }
+    }
+
+    /// `[c][gamma][band]`, W/(sr nm).
+    fn spectral_intensities(&self, amounts: &Amounts, spectrum: &Spectral) -> Vec<f64> {
+        if amounts.is_empty() || !spectrum.has_bands() {
+            return Vec::new();
+        }
+        let solid_angles_sr = self.spectral.cell_solid_angles_sr();
+        let mut values =
+            Vec::with_capacity(self.spectral.c_planes() * self.spectral.gamma_nodes() * spectrum.bands.len());
+        for c in 0..self.spectral.c_planes() {
+            for gamma in 0..self.spectral.gamma_nodes() {
+                let cell = self.spectral.cell_of_node(c, gamma);
+                let bands = spectrum.bands_w_per_nm(amounts.columns_of(cell));
+                values.extend(bands.into_iter().map(|w_per_nm| w_per_nm / solid_angles_sr[cell]));
+            }
+        }
+        values
+    }
+}
+
+/// The smoothing operator on the sphere for cells that counted `rays`.
+fn smoother(grid: &SphereGrid, rays: &[f64]) -> Smoother {
+    let solid_angles_sr = grid.cell_solid_angles_sr();
+    let site = |(cell, (c, gamma)): (usize, (f64, f64))| Site {
+        at: DVec3::new(gamma.sin() * c.cos(), gamma.sin() * c.sin(), -gamma.cos()),
+        measure: solid_angles_sr[cell],
+        rays: rays[cell],
+        part: 0,
+        normal: DVec3::Z,
+    };
+    let sites: Vec<Site> = grid.cell_nodes().into_iter().enumerate().map(site).collect();
+    Smoother::new(&sites, Reach { rays: SMOOTHING_RAYS, radius: SMOOTHING_REACH })
+}
+
+/// Rays per lit cell and share of dark cells.
+fn counts(rays: &[f64]) -> Quality {
+    let mut lit: Vec<f64> = rays.iter().copied().filter(|rays| *rays > 0.0).collect();
+    lit.sort_by(f64::total_cmp);
+    Quality {
+        rays_per_cell_median: lit.get(lit.len() / 2).copied().unwrap_or(0.0),
+        empty_cell_fraction: 1.0 - lit.len() as f64 / rays.len() as f64,
+        ..Quality::default()
+    }
+}
+
+/// Relative standard error of the largest intensity, from the rays that share it.
+fn peak_noise(flux: &[f64], solid_angles_sr: &[f64], rays: &[f64]) -> f64 {
+    let intensity = |cell: &usize| flux[*cell] / solid_angles_sr[*cell];
+    let peak = (0..flux.len()).max_by(|a, b| intensity(a).total_cmp(&intensity(b)));
+    peak.map_or(0.0, |cell| if rays[cell] > 0.0 { 1.0 / rays[cell].sqrt() } else { 0.0 })
+}
+
+/// Full width at half maximum of the far field, degrees: that of the round beam with the same solid angle above half maximum.
+fn full_width_deg(directions: &DirectionCube) -> f64 {
+    let cells = directions.flux.iter().enumerate();
+    let mut bright: Vec<(f64, f64)> = cells
+        .map(|(cell, flux)| (flux / DirectionCube::solid_angle_sr(cell), DirectionCube::solid_angle_sr(cell)))
+        .filter(|(intensity, _)| *intensity > 0.0)
+        .collect();
+    bright.sort_by(|a, b| b.0.total_cmp(&a.0));
+    // The maximum of many noisy cells is mostly noise: take the mean of those that carry the brightest twentieth of the flux.
+    let total: f64 = bright.iter().map(|(intensity, solid_angle)| intensity * solid_angle).sum();
+    let (mut flux, mut solid_angle_sr) = (0.0f64, 0.0f64);
+    for (intensity, solid_angle) in &bright {
+        if flux >= 0.05 * total {
+            break;
+        }
+        flux += intensity * solid_angle;
+        solid_angle_sr += solid_angle;
+    }
+    let half = 0.5 * flux / solid_angle_sr;
+    let above_sr: f64 =
+        bright.iter().filter(|(intensity, _)| *intensity >= half).map(|(_, solid_angle)| solid_angle).sum();
+    let cosine: f64 = 1.0 - above_sr / std::f64::consts::TAU;
+    2.0 * cosine.clamp(-1.0, 1.0).acos().to_degrees()
 }

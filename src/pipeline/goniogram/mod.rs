@@ -1,5 +1,7 @@
 //! 4. Flux to angles [Расчет углового распределения яркости].
 
+/// Which way the source looks.
+pub mod aim;
 /// The grid of directions: the one owner of the binning rule.
 pub mod sphere;
 /// The zone lattice and which point belongs where.
@@ -13,11 +15,16 @@ pub use zone::{Lattice, Zone};
 
 use super::Error;
 use super::flux::Surface;
+use super::flux::project::Projector;
+use super::flux::tally::{Quanta, Tally};
 use super::hull::{Cloud, Hull};
+use super::rays::Ray;
 use super::vocabulary::notice::Notices;
 use super::vocabulary::space::{Axis, Frame};
 use super::vocabulary::watch::StageWatch;
+use intensity::Grids;
 use serde::Serialize;
+use zone::Zoning;
 
 /// How zones and their goniograms are made.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -28,9 +35,9 @@ pub struct Options {
     pub nadir: Option<Axis>,
     /// The source axis at C0. Default: the next axis in cyclic order.
     pub c0: Option<Axis>,
-    /// Step of γ, degrees; divides 180, 0.5..=30. Default: from the beam's width.
+    /// Step of γ, degrees; 180 is a whole multiple of it; 0.5..=30. Default: from the beam's width.
     pub gamma_step_deg: Option<f64>,
-    /// Step of C, degrees; divides 360, 1..=90. Default 10.
+    /// Step of C, degrees; 360 is a whole multiple of it; 1..=90. Default 10.
     pub c_step_deg: Option<f64>,
     /// Smoothing on the grid.
     pub smoothing: bool,
@@ -39,6 +46,29 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Options {
         Options { zones: None, nadir: None, c0: None, gamma_step_deg: None, c_step_deg: None, smoothing: true }
+    }
+}
+
+impl Options {
+    /// What can be said of the options without a source.
+    ///
+    /// # Errors
+    /// [`Error::Unusable`] naming the option.
+    pub fn validate(&self) -> Result<(), Error> {
+        if let Some((columns, rows)) = self.zones
+            && !((1..=zone::MOST_ALONG).contains(&columns) && (1..=zone::MOST_ALONG).contains(&rows))
+        {
+            let found = format!("{columns} × {rows} zones were asked for.");
+            return Err(Error::unusable("options.zones", "goniogram.zones", found, "Ask for 1 to 32 each way."));
+        }
+        if let (Some(nadir), Some(c0)) = (self.nadir, self.c0)
+            && nadir.component() == c0.component()
+        {
+            return Err(aim::parallel(nadir, c0));
+        }
+        sphere::whole_steps(self.gamma_step_deg, 180.0, 0.5..=30.0, "goniogram.gamma_step_deg")?;
+        sphere::whole_steps(self.c_step_deg, 360.0, 1.0..=90.0, "goniogram.c_step_deg")?;
+        Ok(())
     }
 }
 
@@ -74,6 +104,66 @@ pub fn measure(
     options: &Options,
     watch: StageWatch<'_>,
 ) -> Result<Goniograms, Error> {
-    let _ = (cloud, hull, surface, options, watch);
-    todo!()
+    options.validate()?;
+    let frame = aim::frame(&cloud.source.survey.directions, options)?;
+    let zoning = Zoning::new(hull, surface, frame, options.zones);
+    let grids = Grids::new(&cloud.source.survey.directions, options);
+    let (fine, spectral) = collect(cloud, hull, &zoning, &grids, watch.part(0.0, 0.8))?;
+    let mut measured = Vec::with_capacity(zoning.zones.len());
+    for id in 0..zoning.zones.len() {
+        watch.step(0.8 + 0.2 * id as f64 / zoning.zones.len() as f64)?;
+        measured.push(grids.goniogram(id, &fine, &spectral, &cloud.source.spectral, options.smoothing));
+    }
+    let total = grids.total(zoning.zones.len(), &fine, &spectral, &cloud.source.spectral, options.smoothing);
+    Ok(Goniograms {
+        frame,
+        lattice: zoning.lattice,
+        zones: zoning.zones.into_iter().zip(measured).map(|(zone, goniogram)| Zone { goniogram, ..zone }).collect(),
+        zone_of_vertex: zoning.zone_of_vertex,
+        total,
+        grid: grids.fine,
+        spectral_grid: grids.spectral,
+        notices: Notices::default(),
+    })
+}
+
+/// Lays every ray on the hull again and adds it to the cells of the zones its triangle's corners belong to, by the weights at
+/// its landing point: a zone's flux is the flux of its vertices. Sites are `zone × cells + cell`, over the fine and the
+/// spectral grid.
+fn collect(
+    cloud: &Cloud<'_>,
+    hull: &Hull,
+    zoning: &Zoning,
+    grids: &Grids,
+    watch: StageWatch<'_>,
+) -> Result<(super::flux::Amounts, super::flux::Amounts), Error> {
+    let projector = Projector::new(hull);
+    let quanta = Quanta::of(cloud.source);
+    let has_bands = cloud.source.spectral.column_count() > 0;
+    let (fine_cells, spectral_cells) = (grids.fine.cell_count(), grids.spectral.cell_count());
+    let fine = Tally::new(&quanta, zoning.zones.len() * fine_cells, false);
+    let spectral = Tally::new(&quanta, if has_bands { zoning.zones.len() * spectral_cells } else { 0 }, true);
+    let add = |rays: &[Ray]| {
+        for ray in rays {
+            let Some(landing) = projector.land(ray) else { continue };
+            let (c, gamma) = zoning.lattice.frame.angles(ray.direction);
+            let (fine_cell, spectral_cell) = (grids.fine.cell(c, gamma), grids.spectral.cell(c, gamma));
+            let deposit = quanta.deposit(ray);
+            let zones = hull.triangles[landing.triangle].map(|vertex| zoning.zone_of_vertex[vertex as usize] as usize);
+            let put = |zone: usize, part: &_| {
+                fine.add(zone * fine_cells + fine_cell, part);
+                if has_bands {
+                    spectral.add(zone * spectral_cells + spectral_cell, part);
+                }
+            };
+            if zones[0] == zones[1] && zones[1] == zones[2] {
+                put(zones[0], &deposit);
+            } else {
+                zones.iter().zip(deposit.split(landing.shares)).for_each(|(zone, part)| put(*zone, &part));
+            }
+        }
+        Ok(())
+    };
+    cloud.fold(watch, (), add, |(), ()| ())?;
+    Ok((fine.amounts(), spectral.amounts()))
 }

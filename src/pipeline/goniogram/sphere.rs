@@ -1,7 +1,12 @@
 //! The grid of directions: the one owner of the binning rule.
 //!
 //! Node-centred cells (`OUTPUTS.md` 1.4): γ nodes 0, step, …, 180; C nodes 0, step, … below 360. A node's cell reaches halfway
-//! to its neighbours; the pole cells are caps shared by all C.
+//! to its neighbours; the pole cells are caps shared by all C. A cell's value is its mean; between nodes values are bilinear in
+//! C and γ.
+
+use super::super::Error;
+use std::f64::consts::{PI, TAU};
+use std::ops::RangeInclusive;
 
 /// A regular node-centred polar grid. Values over it are `[c][gamma]`, pole values repeated for every C.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,8 +50,8 @@ impl SphereGrid {
 
     /// The cell of `(C, γ)` radians.
     pub fn cell(&self, c: f64, gamma: f64) -> usize {
-        let k = (gamma * self.gamma_count as f64 / std::f64::consts::PI).round().clamp(0.0, self.gamma_count as f64);
-        let j = (c * self.c_count as f64 / std::f64::consts::TAU).round() as usize % self.c_count;
+        let k = (gamma * self.gamma_count as f64 / PI).round().clamp(0.0, self.gamma_count as f64);
+        let j = (c * self.c_count as f64 / TAU).round() as usize % self.c_count;
         self.cell_of_node(j, k as usize)
     }
 
@@ -75,9 +80,9 @@ impl SphereGrid {
     /// Solid angle of γ node k's cell for one C plane, sr: the schema's `solid_angle_sr`. Times the number of planes they sum
     /// to 4π.
     pub fn plane_solid_angles_sr(&self) -> Vec<f64> {
-        let step = std::f64::consts::PI / self.gamma_count as f64;
-        let edge = |k: f64| (k * step).clamp(0.0, std::f64::consts::PI).cos();
-        let width = std::f64::consts::TAU / self.c_count as f64;
+        let step = PI / self.gamma_count as f64;
+        let edge = |k: f64| (k * step).clamp(0.0, PI).cos();
+        let width = TAU / self.c_count as f64;
         (0..=self.gamma_count).map(|k| width * (edge(k as f64 - 0.5) - edge(k as f64 + 0.5))).collect()
     }
 
@@ -86,13 +91,11 @@ impl SphereGrid {
         let mut nodes = vec![(0.0, 0.0); self.cell_count()];
         for k in 1..self.gamma_count {
             for c in 0..self.c_count {
-                nodes[self.cell_of_node(c, k)] = (
-                    c as f64 * std::f64::consts::TAU / self.c_count as f64,
-                    k as f64 * std::f64::consts::PI / self.gamma_count as f64,
-                );
+                nodes[self.cell_of_node(c, k)] =
+                    (c as f64 * TAU / self.c_count as f64, k as f64 * PI / self.gamma_count as f64);
             }
         }
-        nodes[self.cell_count() - 1] = (0.0, std::f64::consts::PI);
+        nodes[self.cell_count() - 1] = (0.0, PI);
         nodes
     }
 
@@ -105,5 +108,122 @@ impl SphereGrid {
             }
         }
         nodes
+    }
+}
+
+impl SphereGrid {
+    /// Intensity between the nodes: bilinear in C and γ over `[c][gamma]` values.
+    pub fn interpolate(&self, nodes: &[f64], c: f64, gamma: f64) -> f64 {
+        let along_c = (c / TAU * self.c_count as f64).rem_euclid(self.c_count as f64);
+        let along_gamma = (gamma / PI * self.gamma_count as f64).clamp(0.0, self.gamma_count as f64);
+        let (j, k) = (along_c as usize % self.c_count, (along_gamma as usize).min(self.gamma_count - 1));
+        let (u, v) = (along_c - along_c.floor(), along_gamma - k as f64);
+        let at = |j: usize, k: usize| nodes[(j % self.c_count) * self.gamma_nodes() + k];
+        let lerp = |a: f64, b: f64, share: f64| a + share * (b - a);
+        lerp(lerp(at(j, k), at(j + 1, k), u), lerp(at(j, k + 1), at(j + 1, k + 1), u), v)
+    }
+
+    /// Weights W_k with `Σ_c Σ_k W_k value[c][k] = ∫ interpolate dΩ` exactly, sr, one per γ node: the hat function of a node times
+    /// sin γ, integrated. They sum to 4π over all C and differ from the cells' solid angles by less than step²/12.
+    pub fn interpolation_weights_sr(&self) -> Vec<f64> {
+        let step = PI / self.gamma_count as f64;
+        let width = TAU / self.c_count as f64;
+        (0..=self.gamma_count)
+            .map(|k| match k {
+                0 => width * (1.0 - step.sin() / step),
+                k if k == self.gamma_count => width * (1.0 - step.sin() / step),
+                k => width * (k as f64 * step).sin() * 2.0 * (1.0 - step.cos()) / step,
+            })
+            .collect()
+    }
+
+    /// `∫ interpolate dΩ` of `[c][gamma]` values.
+    pub fn integral(&self, nodes: &[f64]) -> f64 {
+        let weights = self.interpolation_weights_sr();
+        nodes
+            .chunks_exact(self.gamma_nodes())
+            .map(|plane| plane.iter().zip(&weights).map(|(v, w)| v * w).sum::<f64>())
+            .sum()
+    }
+}
+
+/// How many of `step_deg` make `whole_deg`.
+///
+/// # Errors
+/// [`Error::Unusable`] when out of `range` or no whole number of them does.
+pub fn whole_steps(
+    step_deg: Option<f64>,
+    whole_deg: f64,
+    range: RangeInclusive<f64>,
+    option: &'static str,
+) -> Result<Option<usize>, Error> {
+    let Some(step_deg) = step_deg else { return Ok(None) };
+    let count = (whole_deg / step_deg).round();
+    if range.contains(&step_deg) && (count * step_deg - whole_deg).abs() < 1e-9 * whole_deg {
+        return Ok(Some(count as usize));
+    }
+    let found = format!("A step of {step_deg} degrees was asked for.");
+    let remedy =
+        format!("Choose {} to {} degrees, a whole number of which make {whole_deg}.", range.start(), range.end());
+    Err(Error::unusable("options.angle_step", option, found, remedy))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn solid_angles_and_weights_sum_to_the_sphere() {
+        for (gamma_count, c_count) in [(2, 1), (36, 36), (180, 24), (12, 12)] {
+            let grid = SphereGrid::new(gamma_count, c_count);
+            let close = |sum: f64| (sum - 4.0 * PI).abs() < 1e-12;
+            assert!(close(grid.cell_solid_angles_sr().iter().sum()));
+            assert!(close(grid.plane_solid_angles_sr().iter().sum::<f64>() * c_count as f64));
+            assert!(close(grid.interpolation_weights_sr().iter().sum::<f64>() * c_count as f64));
+        }
+    }
+
+    #[test]
+    fn a_direction_belongs_to_the_cell_of_its_nearest_node() {
+        let grid = SphereGrid::new(36, 24);
+        for (cell, (c, gamma)) in grid.cell_nodes().into_iter().enumerate() {
+            assert_eq!(grid.cell(c, gamma), cell);
+            if cell > 0 && cell + 1 < grid.cell_count() {
+                // Just inside the cell's four edges: half a step is 7.5° in C and 2.5° in γ.
+                for (dc, dg) in [(-7.4, 0.0), (7.4, 0.0), (0.0, -2.4), (0.0, 2.4)] {
+                    let turned = (c + f64::to_radians(dc)).rem_euclid(TAU);
+                    assert_eq!(grid.cell(turned, gamma + f64::to_radians(dg)), cell);
+                }
+            }
+        }
+        assert_eq!(grid.cell(TAU - 1e-9, PI / 2.0), grid.cell(0.0, PI / 2.0));
+    }
+
+    #[test]
+    fn interpolation_integrates_as_its_weights_say() {
+        // A lobe on the nodes, integrated by a fine midpoint rule.
+        let grid = SphereGrid::new(18, 12);
+        let value = |c: f64, gamma: f64| (1.0 + gamma.cos()) * (2.0 + (c - 0.3).cos() * gamma.sin());
+        let cells: Vec<f64> = grid.cell_nodes().into_iter().map(|(c, gamma)| value(c, gamma)).collect();
+        let nodes = grid.nodes_from_cells(&cells);
+        let (n, m) = (1440, 720);
+        let (dc, dg) = (TAU / n as f64, PI / m as f64);
+        let mut sum = 0.0;
+        for i in 0..n {
+            for j in 0..m {
+                let (c, gamma) = ((i as f64 + 0.5) * dc, (j as f64 + 0.5) * dg);
+                sum += grid.interpolate(&nodes, c, gamma) * gamma.sin() * dc * dg;
+            }
+        }
+        assert!((grid.integral(&nodes) / sum - 1.0).abs() < 1e-5, "{} {sum}", grid.integral(&nodes));
+    }
+
+    #[test]
+    fn steps_must_make_a_whole() {
+        assert_eq!(whole_steps(Some(2.5), 180.0, 0.5..=30.0, "x").unwrap(), Some(72));
+        assert_eq!(whole_steps(None, 180.0, 0.5..=30.0, "x").unwrap(), None);
+        for bad in [7.0, 0.0, -5.0, f64::NAN, 90.0, 0.1] {
+            assert_eq!(whole_steps(Some(bad), 180.0, 0.5..=30.0, "x").unwrap_err().code(), "options.angle_step");
+        }
     }
 }

@@ -10,7 +10,7 @@ use super::flux::Surface;
 use super::goniogram::Goniograms;
 use super::hull::Hull;
 use super::rays::Source;
-use super::rays::source::Spectral;
+use super::rays::source::{Channel, Spectral};
 use super::vocabulary::notice::Notice;
 use super::vocabulary::units::Flux;
 use super::vocabulary::watch::StageWatch;
@@ -39,6 +39,30 @@ pub struct Origin {
     pub header_over_sum: Option<f64>,
     /// Texts of the header.
     pub texts: Vec<(String, String)>,
+}
+
+impl Origin {
+    fn of(channel: &Channel) -> Origin {
+        let (facts, survey) = (channel.facts(), &channel.survey);
+        let ray_sum = Flux {
+            radiant_w: facts.has_radiant.then_some(survey.radiant_sum),
+            luminous_lm: facts.has_luminous.then_some(survey.luminous_sum),
+        };
+        let ratio = |header: Option<f64>, sum: Option<f64>| Some(header? / sum.filter(|sum| *sum > 0.0)?);
+        Origin {
+            name: channel.name.clone(),
+            sha256: channel.sha256.clone(),
+            byte_count: channel.byte_count,
+            format: facts.format.name(),
+            ray_count: facts.ray_count,
+            rays_used: survey.rays_used,
+            header_flux: facts.header_flux,
+            ray_sum,
+            header_over_sum: ratio(facts.header_flux.radiant_w, ray_sum.radiant_w)
+                .or_else(|| ratio(facts.header_flux.luminous_lm, ray_sum.luminous_lm)),
+            texts: facts.texts.clone(),
+        }
+    }
 }
 
 /// A continuous source model.
@@ -72,8 +96,11 @@ impl Model {
         goniograms: Goniograms,
         watch: StageWatch<'_>,
     ) -> Result<Model, Error> {
-        let _ = (source, hull, surface, goniograms, watch);
-        todo!()
+        let stages = [&source.notices, &hull.notices, &surface.notices, &goniograms.notices];
+        let notices = stages.into_iter().flat_map(|notices| notices.to_vec()).collect();
+        let origins = source.channels.iter().map(Origin::of).collect();
+        watch.step(1.0)?;
+        Ok(Model { origins, flux: source.flux, spectral: source.spectral.clone(), hull, surface, goniograms, notices })
     }
 
     /// Spectral flux of a vertex, W/nm per band; empty without bands.
