@@ -16,13 +16,14 @@ pub use tally::Amounts;
 
 use super::Error;
 use super::hull::{Cloud, Hull};
+use super::rays::Ray;
 use super::vocabulary::notice::Notices;
 use super::vocabulary::watch::StageWatch;
 use balance::Share;
 use project::{Fate, Projector};
 use serde::Serialize;
 use smooth::{Reach, Site, Smoother};
-use tally::{Quanta, Tally};
+use tally::{Deposit, Quanta, Tally};
 
 /// How rays are laid on the surface.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -50,7 +51,7 @@ pub struct Surface {
     pub notices: Notices,
 }
 
-/// Rays that a vertex's estimate is averaged over: 6 % noise is left.
+/// Rays that a vertex's estimate is averaged over: 5 % noise is left.
 const SMOOTHING_RAYS: f64 = 900.0;
 /// Smoothing reaches at most this many lattice cells: noise is a matter of neighbours, form is not.
 const SMOOTHING_CELLS: f64 = 3.0;
@@ -58,6 +59,9 @@ const SMOOTHING_CELLS: f64 = 3.0;
 const REJECTED_WORTH_A_NOTICE: f64 = 0.005;
 /// Sites of the tally of fates.
 const FATES: usize = 3;
+const HIT: usize = 0;
+const SNAPPED: usize = 1;
+const REJECTED: usize = 2;
 
 /// Lays every ray on the hull.
 ///
@@ -69,19 +73,21 @@ pub fn project(cloud: &Cloud<'_>, hull: &Hull, options: &Options, watch: StageWa
     let triangles = Tally::new(&quanta, hull.triangles.len(), false);
     let vertices = Tally::new(&quanta, hull.vertices_mm.len(), true);
     let fates = Tally::new(&quanta, FATES, false);
-    let lay = |rays: &[super::rays::Ray]| {
+    let lay = |rays: &[Ray]| {
+        let mut met = [Deposit::default(); FATES];
         for ray in rays {
             let deposit = quanta.deposit(ray);
             let Some(landing) = projector.land(ray) else {
-                fates.add(2, &deposit);
+                met[REJECTED].gather(&deposit);
                 continue;
             };
-            fates.add(usize::from(landing.fate == Fate::Snapped), &deposit);
+            met[if landing.fate == Fate::Hit { HIT } else { SNAPPED }].gather(&deposit);
             triangles.add(landing.triangle, &deposit);
             for (vertex, part) in hull.triangles[landing.triangle].iter().zip(deposit.split(landing.shares)) {
                 vertices.add(*vertex as usize, &part);
             }
         }
+        met.iter().enumerate().for_each(|(fate, sum)| fates.add(fate, sum));
         Ok(())
     };
     cloud.fold(watch.part(0.0, 0.9), (), lay, |(), ()| ())?;
@@ -101,9 +107,9 @@ fn account(cloud: &Cloud<'_>, fates: &Amounts, triangles: &Amounts, vertices: &A
     let share = |fate: usize| Share { rays: fates.rays[fate].round() as u64, flux: fates.flux_of(fate) };
     Balance {
         incoming: Share { rays: cloud.source.survey.rays_used, flux: cloud.source.flux },
-        hit: share(0),
-        snapped: share(1),
-        rejected: share(2),
+        hit: share(HIT),
+        snapped: share(SNAPPED),
+        rejected: share(REJECTED),
         on_triangles: triangles.total(),
         on_vertices: vertices.total(),
         after_smoothing: vertices.total(),

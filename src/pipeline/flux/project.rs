@@ -163,3 +163,129 @@ fn nearest_point([a, b, c]: [DVec3; 3], point_mm: DVec3) -> DVec3 {
     let inside = 1.0 / (va + vb + vc);
     a + ab * (vb * inside) + ac * (vc * inside)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::hull::Label;
+    use super::super::super::vocabulary::notice::Notices;
+    use super::*;
+
+    fn hull(vertices_mm: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Hull {
+        Hull {
+            labels: vec![Label::Projected; triangles.len()],
+            part_of_vertex: vec![0; vertices_mm.len()],
+            vertices_mm,
+            triangles,
+            cell_mm: DVec3::splat(0.1),
+            resolution: 1,
+            max_edge_mm: 1.0,
+            notices: Notices::default(),
+        }
+    }
+
+    /// The unit square at z = 0, facing +Z.
+    fn sheet() -> Hull {
+        hull(vec![DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y], vec![[0, 1, 2], [0, 2, 3]])
+    }
+
+    /// The unit cube, faces outward.
+    fn cube() -> Hull {
+        let corner = |k: u32| DVec3::new((k & 1) as f64, (k >> 1 & 1) as f64, (k >> 2 & 1) as f64);
+        let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+        let triangles = quads.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        hull((0..8).map(corner).collect(), triangles)
+    }
+
+    fn ray(origin_mm: DVec3, direction: DVec3) -> Ray {
+        let direction = direction.normalize();
+        Ray { index: 0, origin_mm, direction, radiant_w: 1.0, luminous_lm: 0.0, column: 0, xz_lm: [0.0; 2] }
+    }
+
+    fn landed(hull: &Hull, landing: Landing) -> DVec3 {
+        let corners = hull.corners_mm(landing.triangle);
+        corners.iter().zip(landing.shares).map(|(corner, share)| *corner * share).sum()
+    }
+
+    /// Numbers in 0..1 without a generator: multiples of irrational numbers.
+    fn scatter(k: usize) -> [f64; 4] {
+        [2f64.sqrt(), 3f64.sqrt(), 5f64.sqrt(), 7f64.sqrt()].map(|root| (k as f64 * root).fract())
+    }
+
+    #[test]
+    fn rays_from_within_leave_where_a_box_says() {
+        let cube = cube();
+        let projector = Projector::new(&cube);
+        for k in 1..5000 {
+            let [x, y, z, w] = scatter(k);
+            let ray = ray(DVec3::new(x, y, z), DVec3::new(z - 0.5, w - 0.5, (x * 7.0).fract() - 0.5));
+            let landing = projector.land(&ray).unwrap();
+            // Slab test: the exit is at the least distance to the three faces ahead.
+            let exit = (0..3)
+                .map(|axis| {
+                    ((if ray.direction[axis] > 0.0 { 1.0 } else { 0.0 }) - ray.origin_mm[axis]) / ray.direction[axis]
+                })
+                .fold(f64::INFINITY, f64::min);
+            // Closer to the surface behind than the tolerance there is none that leads out.
+            assert!(landed(&cube, landing).distance(ray.origin_mm + exit * ray.direction) < 1e-12, "ray {k}");
+            assert_eq!(landing.fate, Fate::Hit);
+            assert!((landing.shares.iter().sum::<f64>() - 1.0).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn rays_from_outside_land_on_the_side_they_came_from() {
+        let cube = cube();
+        let projector = Projector::new(&cube);
+        for k in 1..1000 {
+            let [x, y, ..] = scatter(k);
+            let start = DVec3::new(0.2 + 0.6 * x, 0.2 + 0.6 * y, 1.0);
+            let direction = DVec3::new(0.1 * (y - 0.5), 0.1 * (x - 0.5), 1.0).normalize();
+            let landing = projector.land(&ray(start + 5.0 * direction, direction)).unwrap();
+            assert!(landed(&cube, landing).distance(start) < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_sheet_takes_rays_a_hair_off_it_even_grazing_and_from_behind() {
+        let sheet = sheet();
+        let projector = Projector::new(&sheet);
+        for z in [-1e-7, 0.0, 1e-7] {
+            for direction in [DVec3::Z, DVec3::new(1.0, 0.3, 1e-3), DVec3::NEG_Z] {
+                let start = DVec3::new(0.3, 0.6, z);
+                let landing = projector.land(&ray(start, direction)).unwrap();
+                assert_eq!(landing.fate, Fate::Hit, "z {z}, {direction}");
+                assert!(landed(&sheet, landing).distance(start) < 2e-4);
+            }
+        }
+    }
+
+    #[test]
+    fn what_misses_snaps_near_and_is_rejected_far() {
+        let sheet = sheet();
+        let projector = Projector::new(&sheet);
+        // The tolerance is 0.1 √3 = 0.173 mm.
+        let beside = projector.land(&ray(DVec3::new(1.1, 0.25, 0.0), DVec3::Z)).unwrap();
+        assert_eq!(beside.fate, Fate::Snapped);
+        assert!(landed(&sheet, beside).distance(DVec3::new(1.0, 0.25, 0.0)) < 1e-15);
+        assert_eq!(projector.land(&ray(DVec3::new(1.2, 0.25, 0.0), DVec3::Z)), None);
+        assert_eq!(
+            projector.land(&ray(DVec3::new(0.5, 0.5, 0.5), DVec3::NEG_Z)),
+            None,
+            "light that comes in from outside"
+        );
+    }
+
+    #[test]
+    fn lines_through_edges_and_corners_do_not_slip_through() {
+        let cube = cube();
+        let projector = Projector::new(&cube);
+        for target in
+            [DVec3::splat(1.0), DVec3::new(1.0, 0.5, 0.5), DVec3::new(1.0, 1.0, 0.5), DVec3::new(0.5, 0.5, 1.0)]
+        {
+            let from = DVec3::splat(0.5);
+            let landing = projector.land(&ray(from, target - from)).unwrap();
+            assert_eq!(landing.fate, Fate::Hit);
+            assert!(landed(&cube, landing).distance(target) < 1e-12);
+        }
+    }
+}

@@ -1,8 +1,8 @@
 //! Shepard smoothing that conserves: noise is averaged away where rays are few, nothing is blurred where they are many.
 //!
 //! D. Shepard, "A two-dimensional interpolation function for irregularly-spaced data", ACM 1968 [7]: values are averaged with
-//! weights that fall with distance and end at a radius (Franke and Little's (R − d)₊ form, softened at d = 0, where the original
-//! would interpolate the noise). What is averaged is the density (flux per measure: exitance on the surface, intensity on
+//! weights that fall with distance and end at a radius R: (1 − d²/R²)₊², Franke and Little's compact form without the pole of
+//! 1/d at d = 0, which would interpolate the noise. What is averaged is the density (flux per measure: exitance on the surface, intensity on
 //! the sphere), not the flux. Two things are added to the paper:
 //! - each site's radius is the distance within which enough rays were counted; a pair uses the smaller of its two radii, so
 //!   a well-known site neither gives to nor takes from a noisy one;
@@ -32,7 +32,7 @@ pub struct Site {
 /// How far to smooth.
 #[derive(Clone, Copy, Debug)]
 pub struct Reach {
-    /// Rays within a site's radius; the relative noise left is about 1.8 / √rays.
+    /// Rays within a site's radius; the relative noise left is about 1.4 / √rays.
     pub rays: f64,
     /// Largest radius, in the unit of [`Site::at`].
     pub radius: f64,
@@ -136,8 +136,7 @@ fn row(sites: &[Site], index: &Bvh, k: usize, radii: &[f64]) -> Vec<(u32, f64)> 
             let radius = radii[k].min(radii[other as usize]);
             let far = distance / radius;
             (other as usize == k).then_some((other, 1.0)).or_else(|| {
-                (distance < radius && sites[other as usize].measure > 0.0)
-                    .then(|| (other, ((1.0 - far) / (1.0 + far)).powi(2)))
+                (distance < radius && sites[other as usize].measure > 0.0).then(|| (other, (1.0 - far * far).powi(2)))
             })
         })
         .collect();

@@ -70,13 +70,18 @@ fn quanta(amount: f64) -> u64 {
 }
 
 /// What one ray, or a share of it, adds to a site; in quanta.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Deposit {
     fixed: [u64; FIXED],
     columns: [(usize, u64); MOST_COLUMNS],
 }
 
 impl Deposit {
+    /// Adds the count and fluxes of `other`, not its spectrum: for sums that a thread keeps to itself.
+    pub fn gather(&mut self, other: &Deposit) {
+        self.fixed.iter_mut().zip(other.fixed).for_each(|(sum, amount)| *sum += amount);
+    }
+
     /// Splits by `shares` (not negative, sum 1) without losing a quantum: the last part takes what the others leave.
     pub fn split(&self, shares: [f64; 3]) -> [Deposit; 3] {
         let mut parts = [*self; 3];

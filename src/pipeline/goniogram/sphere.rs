@@ -132,7 +132,7 @@ impl SphereGrid {
             .map(|k| match k {
                 0 => width * (1.0 - step.sin() / step),
                 k if k == self.gamma_count => width * (1.0 - step.sin() / step),
-                k => width * (k as f64 * step).sin() * 2.0 * (1.0 - step.cos()) / step,
+                k => width * (k as f64 * step).sin() * 4.0 * (0.5 * step).sin().powi(2) / step,
             })
             .collect()
     }
