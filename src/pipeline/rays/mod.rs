@@ -10,13 +10,22 @@ pub mod tm25;
 pub mod zemax;
 /// What a ray must satisfy.
 pub mod check;
-/// Several ray sets become one source; the only way to its rays.
-pub mod source;
+/// From stored numbers to W and lm.
+mod conversion;
+/// Chunks in parallel, answers in order.
+mod chunks;
 /// One reading of everything: totals, box, directions, notices.
 pub mod survey;
+/// Which totals are known, and whether they can be meant.
+mod totals;
+/// Which spectral bands a source gets.
+mod bands;
+/// Several ray sets become one source; the only way to its rays.
+pub mod source;
 /// Known sources with closed-form answers.
 pub mod synthetic;
 
+pub use bytes::digest;
 pub use source::{Ray, Source};
 
 use super::Error;
