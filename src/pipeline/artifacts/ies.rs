@@ -1,0 +1,165 @@
+//! IES LM-63: what every reader accepts (`OUTPUTS.md` 1, each rule there was found by a reader that fails without it).
+//!
+//! Type C, always full: γ 0..=180, C 0..=360 with plane 360 a copy of plane 0. Absolute photometry: one lamp, -1 lumens per
+//! lamp, multipliers 1. ASCII, CR LF, one blank between numbers, ten numbers a line; every record starts a line.
+
+use super::super::Options as RunOptions;
+use super::super::goniogram::{Goniogram, SphereGrid, Zone};
+use super::super::model::Model;
+use super::super::vocabulary::space::{Bounds, Frame};
+use super::number::{plain, text};
+use super::provenance::{VERSION_DATE, generator, header_text, source_name};
+use super::{Artifact, IesEdition};
+use glam::DVec3;
+
+/// Longest value of a keyword: LM-63-2002 allows lines of 256 characters with CR LF, Radiance's label buffer holds as many.
+const VALUE_CHARACTERS: usize = 200;
+/// Digits of the largest candela value.
+const PEAK_DIGITS: i32 = 7;
+/// Smallest side of a luminous opening, m: a side of 0 would say "point".
+const SMALLEST_SIDE_M: f64 = 1e-6;
+
+/// Path of the whole source's file.
+pub const TOTAL: &str = "ies/total.ies";
+
+/// Path of a zone's file.
+pub fn zone_name(zone: &Zone) -> String {
+    format!("ies/zone_{:02}_{:02}.ies", zone.row, zone.column)
+}
+
+/// `ies/total.ies` and one file for each zone; none where luminous intensity is unknown, because LM-63 has no radiant unit.
+pub fn artifacts(model: &Model, options: &RunOptions) -> Vec<Artifact> {
+    let goniograms = &model.goniograms;
+    let count = goniograms.zones.len();
+    let whole = (TOTAL.to_owned(), "whole source".to_owned(), &goniograms.total, model.hull.bounds_mm());
+    let zones = goniograms.zones.iter().map(|zone| {
+        let words = format!("zone {} of {count}, row {} column {}", zone.id + 1, zone.row, zone.column);
+        (zone_name(zone), words, &zone.goniogram, zone.bounds_mm)
+    });
+    std::iter::once(whole)
+        .chain(zones)
+        .filter_map(|(name, part, goniogram, bounds_mm)| {
+            let candela = goniogram.luminous_cd.as_ref()?;
+            let sheet = Sheet { model, edition: options.artifacts.ies_edition, part, goniogram, candela, bounds_mm };
+            Some(Artifact { name, media_type: "application/x-ies-lm-63", bytes: sheet.lines().into_bytes() })
+        })
+        .collect()
+}
+
+/// What one file is made of.
+struct Sheet<'a> {
+    model: &'a Model,
+    edition: IesEdition,
+    part: String,
+    goniogram: &'a Goniogram,
+    candela: &'a [f64],
+    bounds_mm: Bounds,
+}
+
+impl Sheet<'_> {
+    fn lines(&self) -> String {
+        let grid = &self.model.goniograms.grid;
+        let mut lines = self.keywords();
+        lines.push("TILT=NONE".to_owned());
+        let generation = match self.edition {
+            IesEdition::Lm63Of2002 => "1",
+            IesEdition::Lm63Of2019 => "1.00010", // computer simulation
+        };
+        let (planes, nodes) = (grid.c_planes(), grid.gamma_nodes());
+        let opening = opening_m(&self.bounds_mm, &self.model.goniograms.frame);
+        lines.push(format!("1 -1 1 {nodes} {} 1 2 {opening}", planes + 1));
+        lines.push(format!("1 {generation} 0"));
+        let angle = |degrees: &f64| plain(*degrees, 6);
+        push_record(&mut lines, grid.gamma_deg().iter().map(angle));
+        push_record(&mut lines, grid.c_deg().iter().chain(&[360.0]).map(angle));
+        let decimals = decimals(self.candela);
+        for plane in (0..planes).chain([0]) {
+            let row = self.candela.iter().skip(plane * nodes).take(nodes);
+            push_record(&mut lines, row.map(|candela| format!("{candela:.decimals$}")));
+        }
+        lines.push(String::new());
+        lines.join("\r\n")
+    }
+
+    fn keywords(&self) -> Vec<String> {
+        let (model, frame) = (self.model, &self.model.goniograms.frame);
+        let edition = match self.edition {
+            IesEdition::Lm63Of2002 => "IESNA:LM-63-2002",
+            IesEdition::Lm63Of2019 => "IES:LM-63-2019",
+        };
+        let name = source_name(model);
+        let digest = model.origins.first().map_or("", |origin| origin.sha256.as_str());
+        let own_flux = text(flux_of_nodes(self.candela, &model.goniograms.grid), 7);
+        let c90 = super::super::vocabulary::space::Axis::nearest(frame.y()).name();
+        let keyword = |key: &str, value: &str| format!("[{key}] {}", label(value));
+        vec![
+            edition.to_owned(),
+            keyword("TEST", &format!("computed from ray file sha256 {digest}")),
+            keyword("TESTLAB", &generator()),
+            keyword("ISSUEDATE", &issue_date(header_text(model, "creation date"))),
+            keyword("MANUFAC", header_text(model, "manufacturer").unwrap_or("unknown")),
+            keyword("LUMCAT", &name),
+            keyword("LUMINAIRE", &format!("{} of {name}", self.part)),
+            keyword(
+                "OTHER",
+                &format!("nadir=source {} C0=source {} C90=source {c90}", frame.nadir.name(), frame.c0.name()),
+            ),
+            keyword("OTHER", &format!("flux lm={own_flux} by node-centred cells")),
+            keyword("_RAYS", &text(self.goniogram.rays, 9)),
+        ]
+    }
+}
+
+/// Foreign text made fit for a keyword line: printable ASCII, one line, bounded, and never the letters that start the data.
+fn label(value: &str) -> String {
+    let ascii: String = value
+        .chars()
+        .map(|letter| match letter {
+            ' '..='~' => letter,
+            _ if letter.is_whitespace() || letter.is_control() => ' ',
+            _ => '?',
+        })
+        .collect();
+    let words = ascii.split_whitespace().collect::<Vec<_>>().join(" ");
+    let mut kept: String = words.chars().take(VALUE_CHARACTERS).collect();
+    // three.js and Babylon.js start reading data at the first line that holds these letters.
+    while let Some(at) = kept.to_ascii_uppercase().find("TILT") {
+        kept.replace_range(at..at + 4, "T_LT");
+    }
+    kept.trim_end().to_owned()
+}
+
+/// The ray file's own date (TM-25 writes ISO 8601), else this version's.
+fn issue_date(created: Option<&str>) -> String {
+    let Some(created) = created else { return VERSION_DATE.to_owned() };
+    let day: String = created.chars().take(10).collect();
+    let is_iso = day.len() == 10
+        && day.bytes().enumerate().all(|(at, byte)| match at {
+            4 | 7 => byte == b'-',
+            _ => byte.is_ascii_digit(),
+        });
+    if is_iso { day } else { created.chars().take(40).collect() }
+}
+
+/// Width (across C0), length (along C0) and height of the luminous opening, m: a rectangle in the plane of C0 and C90.
+fn opening_m(bounds_mm: &Bounds, frame: &Frame) -> String {
+    let side = |axis: DVec3| plain((bounds_mm.size().dot(axis.abs()) * 1e-3).max(SMALLEST_SIDE_M), 9);
+    format!("{} {} 0", side(frame.y()), side(frame.x()))
+}
+
+/// Decimals that give the peak about seven digits; one count for the whole file.
+fn decimals(candela: &[f64]) -> usize {
+    let peak = candela.iter().copied().fold(0.0, f64::max);
+    if peak > 0.0 { (PEAK_DIGITS - 1 - peak.log10().floor() as i32).clamp(0, 20) as usize } else { 1 }
+}
+
+/// Flux by the rule of the cells: what a band-weighting reader finds.
+fn flux_of_nodes(candela: &[f64], grid: &SphereGrid) -> f64 {
+    let weights = grid.plane_solid_angles_sr();
+    candela.chunks(weights.len()).flat_map(|plane| plane.iter().zip(&weights)).map(|(cd, sr)| cd * sr).sum()
+}
+
+fn push_record(lines: &mut Vec<String>, numbers: impl Iterator<Item = String>) {
+    let numbers: Vec<String> = numbers.collect();
+    lines.extend(numbers.chunks(10).map(|ten| ten.join(" ")));
+}

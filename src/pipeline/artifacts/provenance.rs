@@ -1,0 +1,78 @@
+//! What every artifact says of where it came from.
+
+use super::super::Options as RunOptions;
+use super::super::model::{Model, Origin};
+use serde::Serialize;
+
+/// The program's name, as artifacts say it.
+pub const NAME: &str = "Lampwright";
+/// The program's version.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+/// The day this version was made: artifacts hold no time of making, but LM-63 demands a date.
+pub const VERSION_DATE: &str = "2026-11-21";
+
+/// "Lampwright 0.1.0".
+pub fn generator() -> String {
+    format!("{NAME} {VERSION}")
+}
+
+/// Who made an artifact.
+#[derive(Serialize)]
+pub struct Generator {
+    name: &'static str,
+    version: &'static str,
+}
+
+/// This program.
+pub const GENERATOR: Generator = Generator { name: NAME, version: VERSION };
+
+/// One input file.
+#[derive(Serialize)]
+pub struct InputFile<'a> {
+    name: &'a str,
+    sha256: &'a str,
+    byte_count: u64,
+    format: &'a str,
+    ray_count: u64,
+    rays_used: u64,
+}
+
+/// Same inputs, options and version give the same bytes; these are they.
+#[derive(Serialize)]
+pub struct Provenance<'a> {
+    generator: Generator,
+    inputs: Vec<InputFile<'a>>,
+    options: &'a RunOptions,
+}
+
+impl<'a> Provenance<'a> {
+    /// Of a model.
+    pub fn new(model: &'a Model, options: &'a RunOptions) -> Provenance<'a> {
+        Provenance { generator: GENERATOR, inputs: model.origins.iter().map(input_file).collect(), options }
+    }
+}
+
+fn input_file(origin: &Origin) -> InputFile<'_> {
+    InputFile {
+        name: &origin.name,
+        sha256: &origin.sha256,
+        byte_count: origin.byte_count,
+        format: origin.format,
+        ray_count: origin.ray_count,
+        rays_used: origin.rays_used,
+    }
+}
+
+/// The source's name: its files' names, joined.
+pub fn source_name(model: &Model) -> String {
+    model.origins.iter().map(|origin| origin.name.as_str()).collect::<Vec<_>>().join(" + ")
+}
+
+/// The first header text whose name contains `word`, any case, and that is not blank.
+pub fn header_text<'a>(model: &'a Model, word: &str) -> Option<&'a str> {
+    let texts = model.origins.iter().flat_map(|origin| &origin.texts);
+    texts
+        .filter(|(name, value)| name.to_ascii_lowercase().contains(word) && !value.trim().is_empty())
+        .map(|(_, value)| value.trim())
+        .next()
+}

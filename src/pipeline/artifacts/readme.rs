@@ -1,0 +1,74 @@
+//! `README.txt` of the zip: frame, units, counts, what each file is.
+
+use super::super::model::Model;
+use super::super::vocabulary::space::Axis;
+use super::Artifact;
+use super::number::text;
+use super::provenance::{generator, source_name};
+
+/// What each file is, by the beginning of its name.
+const MEANINGS: [(&str, &str); 8] = [
+    ("emitter.glb", "the surface: glTF 2.0 binary, metres, Y up; flux, spectra and zone of every vertex"),
+    ("goniograms.json", "the angles: intensity of every zone and of the whole source, with spectra"),
+    ("ies/", "the same luminous intensities as IES LM-63, one file for each zone and one for the whole"),
+    ("spectra.csv", "spectral flux of the whole source and of each zone, W/nm"),
+    ("plots/polar", "polar curves"),
+    ("plots/zones", "the zone lattice coloured by flux"),
+    ("plots/hull", "the surface, coloured by how its triangles came to be and by exitance"),
+    ("report.json", "what was read, what was done, where every ray went, what to be careful about"),
+];
+
+/// The page; `names` are all other files of the zip.
+pub fn artifact(model: &Model, names: &[&str]) -> Artifact {
+    let goniograms = &model.goniograms;
+    let frame = &goniograms.frame;
+    let flux = |value: Option<f64>, unit: &str| value.map(|value| format!("{} {unit}", text(value, 6)));
+    let fluxes: Vec<String> =
+        [flux(model.flux.luminous_lm, "lm"), flux(model.flux.radiant_w, "W")].into_iter().flatten().collect();
+    let used: u64 = model.origins.iter().map(|origin| origin.rays_used).sum();
+    let size = model.hull.bounds_mm().size().to_array().map(|edge| text(edge, 4));
+    let mut lines = vec![
+        format!("Light source model of {}", super::svg::one_line(&source_name(model), 200)),
+        format!("made by {}; report.json has inputs, options and checks", generator()),
+        String::new(),
+        format!("Flux     {}", fluxes.join(", ")),
+        format!("Rays     {used}"),
+        format!("Surface  {} vertices, {} triangles", model.hull.vertices_mm.len(), model.hull.triangles.len()),
+        format!("         box {} mm", size.join(" x ")),
+        format!(
+            "Zones    {} of a {} x {} lattice",
+            goniograms.zones.len(),
+            goniograms.lattice.columns,
+            goniograms.lattice.rows
+        ),
+        String::new(),
+        "Frame    the ray file's own axes, right-handed, mm".to_owned(),
+        format!(
+            "         gamma 0 = {}, C0 = {}, C90 = {}",
+            frame.nadir.name(),
+            frame.c0.name(),
+            Axis::nearest(frame.y()).name()
+        ),
+        "         C = 0..360 counter-clockwise seen from gamma 180 (IES type C)".to_owned(),
+        "         emitter.glb: (x, z, -y)/1000 of it, metres, Y up".to_owned(),
+        "Units    in every key and column name; lm = 683 V(lambda) W, CIE 1924".to_owned(),
+        String::new(),
+        "Radiance of a surface point x in direction w at wavelength lambda:".to_owned(),
+        "    L = M(x, lambda) q(w; x, lambda) / |cos theta|".to_owned(),
+        "M is the interpolated exitance (emitter.glb), q the zone's normalised goniogram (goniograms.json).".to_owned(),
+        String::new(),
+    ];
+    for (beginning, meaning) in MEANINGS {
+        let count = names.iter().filter(|name| name.starts_with(beginning)).count();
+        if count > 0 {
+            let files = if count > 1 { format!("{beginning}* ({count})") } else { beginning.to_owned() };
+            lines.push(format!("{files:<22} {meaning}"));
+        }
+    }
+    lines.push(String::new());
+    Artifact {
+        name: "README.txt".to_owned(),
+        media_type: "text/plain; charset=utf-8",
+        bytes: lines.join("\r\n").into_bytes(),
+    }
+}
