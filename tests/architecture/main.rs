@@ -262,6 +262,9 @@ mod every_rule_can_fail {
         }
         assert!(!broken(crates, "pipeline/flux/bvh", "use obvhs::Bvh; use glam::DVec3;"));
         assert!(!broken(crates, "pipeline/rays/check", "#[cfg(test)] mod tests { use tempfile::tempdir; }"));
+        let outside = ("pipeline/hull/mod", "#[cfg(test)] mod tests;");
+        let texts = [outside, ("pipeline/hull/tests", "use tempfile::tempdir;")];
+        assert_eq!(crates(&House::from_texts(&texts)), [""; 0]);
         assert!(broken(crates, "pipeline/rays/check", "#[cfg(unix)] mod tests { use tempfile::tempdir; }"));
     }
 

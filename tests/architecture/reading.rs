@@ -77,6 +77,8 @@ struct Reader {
     /// Name → path as written, for each module.
     imports: BTreeMap<Module, BTreeMap<String, Vec<String>>>,
     known: BTreeSet<Module>,
+    /// Modules under `#[cfg(test)]`, which may be files of their own.
+    tests: BTreeSet<Module>,
     crates: BTreeSet<String>,
     modules: Vec<(String, String)>,
     front_door: BTreeSet<String>,
@@ -225,7 +227,8 @@ impl Reader {
                 Absolute::Foreign(path) => Target::Foreign(path.join("::")),
             },
         };
-        Some(Found { file: raw.file.clone(), in_test: raw.in_test, target })
+        let in_test = raw.in_test || (0..=raw.module.len()).any(|end| self.tests.contains(&raw.module[..end]));
+        Some(Found { file: raw.file.clone(), in_test, target })
     }
 
     /// From the root of a crate. `None`: a type or value of the file itself.
@@ -314,6 +317,9 @@ impl<'ast> Visit<'ast> for Reader {
         self.in_test |= is_test(&item.attrs);
         self.module.push(name);
         self.known.insert(self.module.clone());
+        if self.in_test {
+            self.tests.insert(self.module.clone());
+        }
         visit::visit_item_mod(self, item);
         self.module.pop();
         self.in_test = was_test;
