@@ -1,0 +1,319 @@
+//! `build`: the pipeline without a server. Ray files in, a folder of artifacts and a closing table out.
+
+use super::progress::Progress;
+use super::table::{Table, count, flux, number, percent, triple};
+use super::{Failure, file};
+use crate::pipeline::artifacts::{IesEdition, Spectra, zip};
+use crate::pipeline::flux::balance::Share;
+use crate::pipeline::hull::Label;
+use crate::pipeline::model::Model;
+use crate::pipeline::vocabulary::space::Axis;
+use crate::pipeline::vocabulary::spectrum::Bands;
+use crate::pipeline::{Input, Limits, Options, Outcome, Stage};
+use clap::{Args, ValueEnum};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Arguments of `build`.
+#[derive(Args)]
+pub struct Arguments {
+    /// Ray files of one source, in one frame.
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Folder for the results; made if missing, and must be empty.
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    #[command(flatten)]
+    choices: Choices,
+    /// Threads [default: as many as the machine has].
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+}
+
+/// The pipeline's options as flags; what is not given is the pipeline's default.
+#[derive(Args, Default)]
+struct Choices {
+    /// Cells along the longest edge of the source [default: from the number of rays].
+    #[arg(long, value_name = "CELLS")]
+    resolution: Option<u32>,
+    /// Longest edge of a stitched or filled triangle, mm [default: from the cell size].
+    #[arg(long, value_name = "MM")]
+    max_edge: Option<f64>,
+    /// Zones along C0 and across it, as 4x4 [default: from the density of rays, at most 16].
+    #[arg(long, value_name = "CxR", value_parser = zones)]
+    zones: Option<(u32, u32)>,
+    /// Axis of the source at gamma = 0: +X -X +Y -Y +Z -Z [default: the one nearest the brightest direction].
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = axis)]
+    nadir: Option<Axis>,
+    /// Axis of the source at C0 [default: the next one: +X for Z, +Y for X, +Z for Y].
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = axis)]
+    c0: Option<Axis>,
+    /// Spectral bands in nm [default: 380:780:10, wider where the rays are].
+    #[arg(long, value_name = "MIN:MAX:STEP", value_parser = bands)]
+    bands: Option<Bands>,
+    /// Leave flux and goniograms as counted.
+    #[arg(long)]
+    no_smoothing: bool,
+    /// Where vertex spectra go in the glTF.
+    #[arg(long, value_enum, default_value_t)]
+    spectra: SpectraPlace,
+    /// Edition of the IES files, 2002 or 2019.
+    #[arg(long, value_enum, default_value_t)]
+    ies_edition: Edition,
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+enum SpectraPlace {
+    #[default]
+    Auto,
+    Both,
+    Attributes,
+    Extras,
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+enum Edition {
+    #[default]
+    #[value(name = "2002")]
+    Of2002,
+    #[value(name = "2019")]
+    Of2019,
+}
+
+fn zones(text: &str) -> Result<(u32, u32), String> {
+    let sides = text.split_once(['x', 'X']).and_then(|(c, r)| Some((c.parse().ok()?, r.parse().ok()?)));
+    sides.ok_or_else(|| "write columns x rows, as 4x4".to_owned())
+}
+
+fn axis(text: &str) -> Result<Axis, String> {
+    Axis::parse(text).ok_or_else(|| "write one of +X -X +Y -Y +Z -Z".to_owned())
+}
+
+fn bands(text: &str) -> Result<Bands, String> {
+    let numbers: Vec<f64> = text.split(':').map_while(|part| part.parse().ok()).collect();
+    let bands = match numbers[..] {
+        [min_nm, max_nm, step_nm] => Bands::regular(min_nm, max_nm, step_nm),
+        _ => None,
+    };
+    bands.ok_or_else(|| "write first:last:step in nm, as 380:780:10".to_owned())
+}
+
+impl Choices {
+    fn options(&self) -> Options {
+        let mut options = Options::default();
+        options.rays.band_edges_nm = self.bands.as_ref().map(|bands| bands.edges_nm().to_vec());
+        options.hull.resolution = self.resolution;
+        options.hull.max_edge_mm = self.max_edge;
+        options.flux.smoothing = !self.no_smoothing;
+        options.goniogram.zones = self.zones;
+        options.goniogram.nadir = self.nadir;
+        options.goniogram.c0 = self.c0;
+        options.goniogram.smoothing = !self.no_smoothing;
+        options.artifacts.spectra = match self.spectra {
+            SpectraPlace::Auto => Spectra::Auto,
+            SpectraPlace::Both => Spectra::Both,
+            SpectraPlace::Attributes => Spectra::Attributes,
+            SpectraPlace::Extras => Spectra::Extras,
+        };
+        options.artifacts.ies_edition = match self.ies_edition {
+            Edition::Of2002 => IesEdition::Lm63Of2002,
+            Edition::Of2019 => IesEdition::Lm63Of2019,
+        };
+        options
+    }
+}
+
+/// Builds the model, writes its files, prints the closing table on stdout.
+///
+/// # Errors
+/// Files that cannot be read or are refused; options that cannot be used; a disk that says no.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let folder = &arguments.output;
+    make_empty(folder)?;
+    let inputs = arguments.files.iter().map(|path| file::open(path)).collect::<Result<Vec<Input>, Failure>>()?;
+    let progress = Progress::start();
+    let outcome = on_threads(arguments.threads, || {
+        crate::pipeline::run(&inputs, &arguments.choices.options(), &Limits::default(), &progress)
+    })?;
+    let times = progress.finish();
+    let outcome = outcome.map_err(|error| Failure::from(error).at(names(&inputs)))?;
+    write(folder, &outcome)?;
+    print!("{}", summary(&outcome, &times, folder));
+    Ok(())
+}
+
+fn names(inputs: &[Input]) -> String {
+    inputs.iter().map(|input| input.name.as_str()).collect::<Vec<_>>().join(" + ")
+}
+
+/// An earlier model in the same folder would leave zones behind that the new one does not have.
+fn make_empty(folder: &Path) -> Result<(), Failure> {
+    let disk = |error: std::io::Error| Failure::disk(folder, &error);
+    fs::create_dir_all(folder).map_err(disk)?;
+    if fs::read_dir(folder).map_err(disk)?.next().is_some() {
+        let found = "The folder for the results is not empty.";
+        return Err(Failure::usage("build.output", found, "Empty it or name another.").at(folder.display().to_string()));
+    }
+    Ok(())
+}
+
+fn on_threads<T: Send>(threads: Option<usize>, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
+    let Some(threads) = threads else { return Ok(work()) };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool = pool.map_err(|error| Failure::usage("build.threads", error.to_string(), "Give fewer threads."))?;
+    Ok(pool.install(work))
+}
+
+fn write(folder: &Path, outcome: &Outcome) -> Result<(), Failure> {
+    let put = |name: &str, bytes: &[u8]| {
+        let path = folder.join(name);
+        let written = path.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::write(&path, bytes));
+        written.map_err(|error| Failure::disk(&path, &error))
+    };
+    for artifact in &outcome.artifacts {
+        put(&artifact.name, &artifact.bytes)?;
+    }
+    put("model.zip", &zip(&outcome.artifacts)?)
+}
+
+/// The closing table: what went in, what came out, where the time went.
+fn summary(outcome: &Outcome, times: &[(Stage, Duration)], folder: &Path) -> Table {
+    let model = &outcome.model;
+    let mut table = Table::default();
+    ray_rows(&mut table, model);
+    hull_rows(&mut table, model);
+    flux_rows(&mut table, model);
+    zone_rows(&mut table, model);
+    time_rows(&mut table, times, model.surface.balance.incoming.rays);
+    for notice in &model.notices {
+        let first = notice.first_ray.map_or(String::new(), |ray| format!(", first at ray {ray}"));
+        table.row("notices", [format!("{} x {}{first}: {}", notice.code, notice.count, notice.message)]);
+    }
+    let written: u64 = outcome.artifacts.iter().map(|artifact| artifact.bytes.len() as u64).sum();
+    let files = outcome.artifacts.len();
+    table.row("written", [format!("{files} files, {} bytes, and model.zip in {}", count(written), folder.display())]);
+    table
+}
+
+fn ray_rows(table: &mut Table, model: &Model) {
+    for origin in &model.origins {
+        let lost = origin.ray_count.saturating_sub(origin.rays_used);
+        let [read, used, lost] = [origin.ray_count, origin.rays_used, lost].map(count);
+        table.row("rays", [format!("{}: {}", origin.name, origin.format)]);
+        table.row("rays", [format!("read {read}, used {used}, refused or dropped {lost}")]);
+    }
+}
+
+fn hull_rows(table: &mut Table, model: &Model) {
+    let hull = &model.hull;
+    let by_label = [Label::Projected, Label::Stitched, Label::Filled].map(|label| count(hull.count(label) as u64));
+    let [projected, stitched, filled] = by_label;
+    let all = count(hull.triangles.len() as u64);
+    let check = match hull.check().as_slice() {
+        [] => "sound".to_owned(),
+        [first, rest @ ..] => format!("broken: {first}, and {} more", rest.len()),
+    };
+    table.row("hull", ["vertices".into(), count(hull.vertices_mm.len() as u64)]);
+    table.row(
+        "hull",
+        ["triangles".into(), format!("{all}: {projected} projected, {stitched} stitched, {filled} filled")],
+    );
+    table.row("hull", ["parts".into(), hull.part_count().to_string()]);
+    table.row("hull", ["area".into(), format!("{} mm2", number(hull.total_area_mm2()))]);
+    table.row("hull", ["box".into(), format!("{} mm", triple(hull.bounds_mm().size().to_array()))]);
+    table.row("hull", ["check".into(), check]);
+}
+
+fn flux_rows(table: &mut Table, model: &Model) {
+    let balance = &model.surface.balance;
+    let fates: [(&str, Share); 4] =
+        [("in", balance.incoming), ("hit", balance.hit), ("snapped", balance.snapped), ("rejected", balance.rejected)];
+    for (fate, share) in fates {
+        let portion = percent(share.flux.primary(), balance.incoming.flux.primary());
+        table.row("flux", [fate.into(), format!("{}; {} rays; {portion}", flux(share.flux), count(share.rays))]);
+    }
+    table.row("flux", ["out".into(), flux(balance.after_smoothing)]);
+}
+
+fn zone_rows(table: &mut Table, model: &Model) {
+    let goniograms = &model.goniograms;
+    let (lattice, frame) = (&goniograms.lattice, &goniograms.frame);
+    let lit = goniograms.zones.len();
+    let rays = goniograms.zones.iter().map(|zone| zone.goniogram.rays);
+    let (fewest, most) = rays.fold((f64::INFINITY, 0.0_f64), |(low, high), rays| (low.min(rays), high.max(rays)));
+    table.row("zones", ["lattice".into(), format!("{} x {}, {lit} lit", lattice.columns, lattice.rows)]);
+    table.row("zones", ["frame".into(), format!("gamma 0 at {}, C0 at {}", frame.nadir.name(), frame.c0.name())]);
+    if lit > 0 {
+        let [fewest, most] = [fewest, most].map(|rays| count(rays.round() as u64));
+        table.row("zones", ["rays".into(), format!("{fewest} to {most} per zone")]);
+    }
+}
+
+fn time_rows(table: &mut Table, times: &[(Stage, Duration)], rays: u64) {
+    for (stage, time) in times {
+        let seconds = time.as_secs_f64();
+        let rate = match stage {
+            Stage::Model | Stage::Artifacts => String::new(),
+            _ => format!("{} rays/s", count((rays as f64 / seconds.max(1e-6)) as u64)),
+        };
+        table.row("time", [stage.name().into(), format!("{seconds:.2} s"), rate]);
+    }
+    let total: f64 = times.iter().map(|(_, time)| time.as_secs_f64()).sum();
+    table.row("time", ["all".into(), format!("{total:.2} s"), String::new()]);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        build: Arguments,
+    }
+
+    fn options(flags: &str) -> Result<Options, clap::Error> {
+        let line = format!("build a.ray -o out {flags}");
+        Line::try_parse_from(line.split_whitespace()).map(|line| line.build.choices.options())
+    }
+
+    #[test]
+    fn no_flag_is_the_pipelines_default() {
+        assert_eq!(options("").unwrap(), Options::default());
+    }
+
+    #[test]
+    fn every_flag_arrives() {
+        let given = "--resolution 40 --max-edge 0.5 --zones 4x2 --nadir -Z --c0 Y --bands 400:700:20 --no-smoothing \
+                     --spectra extras --ies-edition 2019";
+        let mut expected = Options::default();
+        expected.hull.resolution = Some(40);
+        expected.hull.max_edge_mm = Some(0.5);
+        expected.goniogram.zones = Some((4, 2));
+        expected.goniogram.nadir = Some(Axis::NegZ);
+        expected.goniogram.c0 = Some(Axis::PosY);
+        expected.rays.band_edges_nm = Some((0..=15).map(|k| 400.0 + 20.0 * f64::from(k)).collect());
+        expected.flux.smoothing = false;
+        expected.goniogram.smoothing = false;
+        expected.artifacts.spectra = Spectra::Extras;
+        expected.artifacts.ies_edition = IesEdition::Lm63Of2019;
+        assert_eq!(options(given).unwrap(), expected);
+    }
+
+    #[test]
+    fn nonsense_is_wrong_usage() {
+        for flags in ["--zones 4", "--zones 4xx", "--nadir up", "--bands 700:400:10", "--bands 400:700", "--spectra x"]
+        {
+            assert_eq!(options(flags).unwrap_err().exit_code(), 2, "{flags}");
+        }
+    }
+
+    #[test]
+    fn an_earlier_model_is_not_mixed_with_a_new_one() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(make_empty(&folder.path().join("new")).is_ok());
+        assert!(make_empty(folder.path()).is_err());
+    }
+}

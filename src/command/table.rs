@@ -1,0 +1,118 @@
+//! Aligned text for people: a heading, then cells in columns.
+
+use crate::pipeline::vocabulary::units::Flux;
+
+/// Rows of a heading and cells; columns are as wide as their widest cell, the last one is free.
+#[derive(Default)]
+pub struct Table {
+    rows: Vec<(String, Vec<String>)>,
+}
+
+impl Table {
+    /// A row; a heading said by the row above is left blank.
+    pub fn row<const N: usize>(&mut self, heading: &str, cells: [String; N]) {
+        self.rows.push((heading.to_owned(), cells.into()));
+    }
+}
+
+impl std::fmt::Display for Table {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let wide = |text: &String| text.chars().count();
+        let first = self.rows.iter().map(|(heading, _)| wide(heading)).max().unwrap_or(0);
+        // A single cell is a sentence, and sentences do not set the width of columns.
+        let columns = self.rows.iter().filter(|(_, cells)| cells.len() > 1);
+        let mut widths = Vec::new();
+        for (_, cells) in columns {
+            widths.resize(widths.len().max(cells.len()), 0);
+            for (width, cell) in widths.iter_mut().zip(cells) {
+                *width = wide(cell).max(*width);
+            }
+        }
+        let mut above = None;
+        for (heading, cells) in &self.rows {
+            let shown = if above == Some(heading) { "" } else { heading };
+            let mut line = format!("{shown:first$}");
+            for (k, cell) in cells.iter().enumerate() {
+                let width = if cells.len() > 1 { widths.get(k).copied().unwrap_or(0) } else { 0 };
+                line += &format!("  {cell:width$}");
+            }
+            writeln!(f, "{}", line.trim_end())?;
+            above = Some(heading);
+        }
+        Ok(())
+    }
+}
+
+/// A count with its thousands apart: 20 000 000.
+pub fn count(value: u64) -> String {
+    let digits = value.to_string();
+    let mut text = String::new();
+    for (k, digit) in digits.chars().enumerate() {
+        if k > 0 && (digits.len() - k).is_multiple_of(3) {
+            text.push(' ');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// A number to 5 significant digits.
+pub fn number(value: f64) -> String {
+    let magnitude = value.abs().log10().floor();
+    if value == 0.0 {
+        "0".to_owned()
+    } else if (-4.0..6.0).contains(&magnitude) {
+        format!("{value:.*}", (4.0 - magnitude).max(0.0) as usize)
+    } else {
+        format!("{value:.4e}")
+    }
+}
+
+/// Three numbers, "1.0000 x 2.0000 x 0.5000".
+pub fn triple(values: [f64; 3]) -> String {
+    values.map(number).join(" x ")
+}
+
+/// A flux in the units it is known in.
+pub fn flux(flux: Flux) -> String {
+    let in_unit = |value: Option<f64>, unit| value.map(|value| format!("{} {unit}", number(value)));
+    let known: Vec<String> =
+        [in_unit(flux.luminous_lm, "lm"), in_unit(flux.radiant_w, "W")].into_iter().flatten().collect();
+    if known.is_empty() { "unknown".to_owned() } else { known.join(", ") }
+}
+
+/// A share in per cent.
+pub fn percent(part: f64, whole: f64) -> String {
+    if whole > 0.0 { format!("{:.3} %", 100.0 * part / whole) } else { "-".to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_line_up_and_headings_are_said_once() {
+        let mut table = Table::default();
+        table.row("flux", ["in".into(), "1 lm".into()]);
+        table.row("flux", ["rejected".into(), "0 lm".into()]);
+        table.row("notices", ["a sentence that is longer than any column".into()]);
+        assert_eq!(
+            table.to_string(),
+            "flux     in        1 lm\n         rejected  0 lm\nnotices  a sentence that is longer than any column\n"
+        );
+    }
+
+    #[test]
+    fn numbers_are_short_and_keep_their_unit() {
+        assert_eq!(
+            [0.0, 1.0, -54.7712, 123_456.7, 2.5e7, 3.14159e-6].map(number),
+            ["0", "1.0000", "-54.771", "123457", "2.5000e7", "3.1416e-6"]
+        );
+        assert_eq!([0, 999, 1000, 20_000_000].map(count), ["0", "999", "1 000", "20 000 000"]);
+        let both = Flux { radiant_w: Some(1.0), luminous_lm: Some(683.0) };
+        assert_eq!(
+            [both, Flux { radiant_w: None, ..both }, Flux::default()].map(flux),
+            ["683.00 lm, 1.0000 W", "683.00 lm", "unknown"]
+        );
+    }
+}
