@@ -3,9 +3,9 @@
 use super::super::Error;
 use super::super::vocabulary::notice::Notices;
 use super::super::vocabulary::spectrum::Bands;
+use super::Options;
 use super::source::Channel;
 use super::survey::wider;
-use super::{Options, SpectralData};
 
 /// Range and step of the default bands, nm.
 const DEFAULT_NM: (f64, f64, f64) = (380.0, 780.0, 10.0);
@@ -47,6 +47,11 @@ impl Asked {
         &self.bands
     }
 
+    /// The bands as asked for, for good.
+    pub fn into_bands(self) -> Bands {
+        self.bands
+    }
+
     /// The bands of the source, and what lies outside them. `outside`: per channel, rays outside [`Asked::bands`].
     pub fn settle(self, channels: &[Channel], outside: &[(u64, Option<u64>)], notices: &mut Notices) -> Bands {
         let range = channels.iter().fold(None, |range, channel| wider(range, range_nm(channel)));
@@ -75,7 +80,10 @@ impl Asked {
                 let told = "Rays have wavelengths outside the spectral bands; they count in the totals only.";
                 notices.count(CODE, *count, *first, told);
             }
-            let least = tables(&channel.facts().spectral)
+            let least = channel
+                .facts()
+                .spectral
+                .tables()
                 .iter()
                 .map(|table| table.shares(&self.bands).iter().sum::<f64>())
                 .fold(1.0, f64::min);
@@ -92,14 +100,6 @@ impl Asked {
 
 fn range_nm(channel: &Channel) -> Option<(f64, f64)> {
     let tables =
-        tables(&channel.facts().spectral).iter().fold(None, |range, table| wider(range, Some(table.range_nm())));
+        channel.facts().spectral.tables().iter().fold(None, |range, table| wider(range, Some(table.range_nm())));
     wider(channel.survey.wavelength_nm, tables)
-}
-
-fn tables(data: &SpectralData) -> &[super::Table] {
-    match data {
-        SpectralData::Table(table) => std::slice::from_ref(table),
-        SpectralData::Tables(tables) => tables,
-        SpectralData::None | SpectralData::Wavelength | SpectralData::Tristimulus => &[],
-    }
 }

@@ -22,6 +22,8 @@ mod totals;
 mod bands;
 /// Several ray sets become one source; the only way to its rays.
 pub mod source;
+/// What can be said of a file before a model is made of it.
+pub mod inspect;
 /// Known sources with closed-form answers.
 pub mod synthetic;
 
@@ -131,6 +133,17 @@ pub enum SpectralData {
     Tristimulus,
 }
 
+impl SpectralData {
+    /// The tables, where the spectrum comes in tables.
+    pub fn tables(&self) -> &[Table] {
+        match self {
+            SpectralData::Table(table) => std::slice::from_ref(table),
+            SpectralData::Tables(tables) => tables,
+            SpectralData::None | SpectralData::Wavelength | SpectralData::Tristimulus => &[],
+        }
+    }
+}
+
 /// What a file says of itself.
 #[derive(Clone, Debug)]
 pub struct Facts {
@@ -208,6 +221,3 @@ pub fn open(bytes: Arc<dyn Bytes>, limits: &Limits) -> Result<RaySet, Error> {
 pub fn read(inputs: &[Input], options: &Options, limits: &Limits, watch: StageWatch<'_>) -> Result<Source, Error> {
     Source::read(inputs, options, limits, watch)
 }
-
-#[cfg(test)]
-mod tests;

@@ -69,9 +69,12 @@ fn preambles() -> Vec<Preamble> {
 fn written(preamble: &Preamble) -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut writer = Writer::start(&mut bytes, preamble).unwrap();
+    let mut rows = Vec::new();
     for k in 0..preamble.header.ray_count {
-        writer.ray(&ray(k, preamble.header.flags), &[7.0]).unwrap();
+        writer.rows().encode(&ray(k, preamble.header.flags), &[7.0], &mut rows);
     }
+    writer.write(&rows).unwrap();
+    assert!(writer.write(&rows).is_err(), "more rays than announced");
     writer.finish().unwrap();
     bytes
 }

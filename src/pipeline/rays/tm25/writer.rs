@@ -9,15 +9,20 @@ use std::io::{self, Write};
 /// What unknown numbers are written as: a quiet NaN.
 const UNKNOWN: f32 = f32::NAN;
 /// Stokes columns written: S1 S2 S3 and the ellipse's axis.
-const STOKES_COLUMNS: usize = 6;
+const STOKES_COLUMNS: u64 = 6;
 
 /// A file being written.
 pub struct Writer<'a> {
     out: &'a mut dyn Write,
+    rows: Rows,
+    rays_left: u64,
+}
+
+/// Turns rays into rows; what [`Writer::rows`] gives can be used on any thread.
+#[derive(Clone, Copy, Debug)]
+pub struct Rows {
     flags: Flags,
     additional_columns: usize,
-    rays_left: u64,
-    row: Vec<u8>,
 }
 
 impl<'a> Writer<'a> {
@@ -42,45 +47,26 @@ impl<'a> Writer<'a> {
             out.write_all(&to_utf32(name, COLUMN_NAME_BYTES as usize))?;
         }
         out.write_all(&to_utf32(&additional.text, header.text_bytes as usize))?;
-        Ok(Writer {
-            out,
-            flags: header.flags,
-            additional_columns: additional.columns.len(),
-            rays_left: header.ray_count,
-            row: Vec::new(),
-        })
+        let rows = Rows { flags: header.flags, additional_columns: additional.columns.len() };
+        Ok(Writer { out, rows, rays_left: header.ray_count })
     }
 
-    /// Writes one ray. [`RawRay::table`] counts from 0. Missing additional values are written as 0, polarisation as none.
+    /// The encoder of this file's rows.
+    pub fn rows(&self) -> Rows {
+        self.rows
+    }
+
+    /// Writes rows that [`Rows::encode`] made.
     ///
     /// # Errors
-    /// `InvalidInput` when the announced number of rays is written already; what the stream answers.
-    pub fn ray(&mut self, ray: &RawRay, additional: &[f32]) -> io::Result<()> {
-        let Some(left) = self.rays_left.checked_sub(1) else {
+    /// `InvalidInput` when there are more rows than announced; what the stream answers.
+    pub fn write(&mut self, rows: &[u8]) -> io::Result<()> {
+        let count = (rows.len() / self.rows.row_bytes()) as u64;
+        let Some(left) = self.rays_left.checked_sub(count) else {
             return Err(io::Error::new(io::ErrorKind::InvalidInput, "more rays than announced"));
         };
         self.rays_left = left;
-        self.row.clear();
-        let flags = self.flags;
-        for value in ray.origin_mm.into_iter().chain(ray.direction) {
-            self.number(true, value);
-        }
-        self.number(flags.radiant, ray.radiant);
-        self.number(flags.wavelength, ray.wavelength_nm);
-        self.number(flags.luminous, ray.luminous);
-        for _ in 0..STOKES_COLUMNS {
-            self.number(flags.stokes, 0.0);
-        }
-        for value in ray.xz {
-            self.number(flags.tristimulus, value);
-        }
-        if flags.index {
-            self.row.extend(ray.table.saturating_add(1).to_le_bytes());
-        }
-        for k in 0..self.additional_columns {
-            self.row.extend(additional.get(k).copied().unwrap_or(0.0).to_le_bytes());
-        }
-        self.out.write_all(&self.row)
+        self.out.write_all(rows)
     }
 
     /// Ends the file.
@@ -93,10 +79,39 @@ impl<'a> Writer<'a> {
         }
         self.out.flush()
     }
+}
 
-    fn number(&mut self, present: bool, value: f64) {
-        if present {
-            self.row.extend((value as f32).to_le_bytes());
+impl Rows {
+    /// Bytes per ray.
+    pub fn row_bytes(&self) -> usize {
+        4 * (self.flags.columns(STOKES_COLUMNS) as usize + self.additional_columns)
+    }
+
+    /// Appends one ray. [`RawRay::table`] counts from 0. Missing additional values become 0, polarisation none.
+    pub fn encode(&self, ray: &RawRay, additional: &[f32], rows: &mut Vec<u8>) {
+        let flags = self.flags;
+        let mut number = |present: bool, value: f64| {
+            if present {
+                rows.extend((value as f32).to_le_bytes());
+            }
+        };
+        for value in ray.origin_mm.into_iter().chain(ray.direction) {
+            number(true, value);
+        }
+        number(flags.radiant, ray.radiant);
+        number(flags.wavelength, ray.wavelength_nm);
+        number(flags.luminous, ray.luminous);
+        for _ in 0..STOKES_COLUMNS {
+            number(flags.stokes, 0.0);
+        }
+        for value in ray.xz {
+            number(flags.tristimulus, value);
+        }
+        if flags.index {
+            rows.extend(ray.table.saturating_add(1).to_le_bytes());
+        }
+        for k in 0..self.additional_columns {
+            rows.extend(additional.get(k).copied().unwrap_or(0.0).to_le_bytes());
         }
     }
 }

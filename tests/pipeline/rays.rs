@@ -1,9 +1,11 @@
 //! Real files from other programs (`../shared/rays`, never committed) and sources made of several of our own.
 
-use super::super::vocabulary::limits::Limits;
-use super::super::vocabulary::watch::{Stage, StageWatch, Unwatched};
-use super::*;
+use lampwright::pipeline::rays::source::Columns;
+use lampwright::pipeline::rays::{Options, Ray, Source, digest, read};
+use lampwright::pipeline::vocabulary::watch::StageWatch;
+use lampwright::pipeline::{Error, Input, Limits, Stage, Unwatched};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// A real file, or `None` (said aloud) where the folder is missing.
 fn real(name: &str) -> Option<Vec<u8>> {
@@ -57,7 +59,7 @@ fn osram_green_has_both_totals_of_its_header() {
     assert!(close(lumen, 337.0, 1e-9) && close(watt, 0.6938, 1e-4), "{lumen} lm {watt} W");
     assert!(close(source.flux.luminous_lm.unwrap(), 337.0, 1e-9));
     assert_eq!(source.channels[0].facts().texts[0].1, "2013");
-    assert!(matches!(&source.spectral.columns, source::Columns::Tables { shares } if shares.len() == 1));
+    assert!(matches!(&source.spectral.columns, Columns::Tables { shares } if shares.len() == 1));
     // `INDEX.md`: 98 % of the origins lie on z = 0.02 mm; nothing shines below the package.
     assert!(source.survey.bounds_mm.max.z > 0.0199 && source.survey.directions.hemispheres()[0] > 0.9);
 }
