@@ -22,7 +22,8 @@ pub mod artifacts;
 
 pub use artifacts::Artifact;
 pub use error::{Error, Fault, Place};
-pub use rays::{Bytes, Input};
+pub use rays::inspect::{Header, Inspection};
+pub use rays::{Bytes, Format, Input};
 pub use vocabulary::limits::Limits;
 pub use vocabulary::notice::Notice;
 pub use vocabulary::watch::{Stage, Unwatched, Watch};
@@ -68,4 +69,29 @@ pub fn run(inputs: &[Input], options: &Options, limits: &Limits, watch: &dyn Wat
     let model = model::Model::new(&source, hull, surface, goniograms, StageWatch::enter(watch, Stage::Model)?)?;
     let artifacts = artifacts::write(&model, options, StageWatch::enter(watch, Stage::Artifacts)?)?;
     Ok(Outcome { model, artifacts })
+}
+
+/// Judges a file by its first bytes, so that an upload need not end to be refused. `length`: its full length, where known.
+/// `Some`: so far a file of this format; `None`: too few bytes to tell.
+///
+/// # Errors
+/// [`Error::Malformed`] or [`Error::Refused`] only where the bytes at hand prove it.
+pub fn peek(prefix: &[u8], length: Option<u64>, limits: &Limits) -> Result<Option<Format>, Error> {
+    rays::inspect::peek(prefix, length, limits)
+}
+
+/// What a file says of itself; reads no ray.
+///
+/// # Errors
+/// [`Error::Malformed`], [`Error::Refused`], [`Error::Unreadable`].
+pub fn header(input: &Input, limits: &Limits) -> Result<Header, Error> {
+    rays::inspect::header(input, limits)
+}
+
+/// Reads a file once and tells what is in it: what users want to know before they want the model.
+///
+/// # Errors
+/// As [`header`]; [`Error::Cancelled`].
+pub fn inspect(input: &Input, limits: &Limits, watch: &dyn Watch) -> Result<Inspection, Error> {
+    rays::inspect::inspect(input, limits, StageWatch::enter(watch, Stage::Rays)?)
 }

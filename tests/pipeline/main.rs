@@ -1,1 +1,3 @@
-//! To come.
+//! The pipeline against answers found elsewhere, through its public doors only.
+
+mod rays;

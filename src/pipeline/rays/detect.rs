@@ -1,10 +1,149 @@
-//! To come.
+//! Which format a file is, from content alone: `.ray` alone is the extension of seven formats (`FORMATS.md` 0).
+
 use super::super::Error;
-use super::{Bytes, Format};
+use super::bytes::{f32_in, i32_in};
+use super::{Bytes, Format, zemax};
+
+/// Bytes looked at.
+pub const LOOK: usize = 4096;
+
 /// The format of a file.
 ///
 /// # Errors
-/// Unknown formats.
-pub fn detect(_bytes: &dyn Bytes) -> Result<Format, Error> {
-    todo!()
+/// Refused with the format's name when it is one we know and do not read; malformed when it is none we know.
+pub fn detect(bytes: &dyn Bytes) -> Result<Format, Error> {
+    let mut start = vec![0; usize::try_from(bytes.len()).unwrap_or(LOOK).min(LOOK)];
+    bytes.read_at(0, &mut start)?;
+    detect_start(&start, Some(bytes.len()))?.ok_or_else(unknown)
+}
+
+/// The format of a file that starts with `start` and is `length` bytes long, if that is known; `None` when more bytes are
+/// needed to tell.
+///
+/// # Errors
+/// As [`detect`], as soon as the bytes at hand prove it.
+pub fn detect_start(start: &[u8], length: Option<u64>) -> Result<Option<Format>, Error> {
+    if length == Some(0) {
+        return Err(Error::malformed("detect.empty", "The file is empty.", "Send the file's content.").at_byte(0));
+    }
+    if start.starts_with(b"TM25") {
+        return Ok(Some(Format::Tm25));
+    }
+    if start.len() >= 4 && zemax::IDENTIFIERS.contains(&i32_in(start, 0)) {
+        return Ok(Some(Format::ZemaxBinary));
+    }
+    if let Some(error) = known_by_magic(start) {
+        return Err(error);
+    }
+    let complete = start.len() >= LOOK || length.is_some_and(|length| start.len() as u64 >= length);
+    if !complete {
+        return Ok(None);
+    }
+    Err(if start.contains(&0) { speos(start, length).unwrap_or_else(unknown) } else { text(start) }.at_byte(0))
+}
+
+/// What to do instead, for most formats.
+const EXPORT: &str = "Use the same source's IES TM-25 or Zemax binary file; vendors offer both.";
+
+fn not_read(code: &'static str, what: &str) -> Error {
+    Error::refused(code, format!("This is {what}, which is not read yet."), EXPORT)
+}
+
+fn known_by_magic(start: &[u8]) -> Option<Error> {
+    let code = i32_in(start, 0);
+    let asap = start.len() >= 4 && code >= 247 + 1024 * 7 && code <= 247 + 1024 * 16 && (code - 247) % 1024 == 0;
+    let error = if start.starts_with(b"version https://git-lfs") {
+        let found = "This is a git-lfs pointer, not the ray file it stands for.";
+        Error::refused("detect.git_lfs", found, "Fetch the file itself (`git lfs pull`) and send that.")
+    } else if start.starts_with(b"PK\x03\x04") || start.starts_with(&[0x1f, 0x8b]) {
+        let found = "This is a compressed archive, not a ray file.";
+        Error::refused("detect.archive", found, "Unpack it and send the ray file inside.")
+    } else if start.starts_with(b"LTRF") {
+        not_read("detect.lighttools", "a LightTools binary ray file")
+    } else if asap {
+        not_read("detect.asap", "an ASAP .dis ray file")
+    } else {
+        return None;
+    };
+    Some(error.at_byte(0))
+}
+
+/// Speos has no magic: a 28-byte header with five 2.0 in it, then records of 32 bytes.
+fn speos(start: &[u8], length: Option<u64>) -> Option<Error> {
+    let twos = (1..6).all(|k| f32_in(start, 4 * k) == 2.0);
+    let whole = length.is_none_or(|length| length >= 28 && (length - 28) % 32 == 0);
+    (twos && whole).then(|| not_read("detect.speos", "a Speos .ray file"))
+}
+
+fn text(start: &[u8]) -> Error {
+    let text = String::from_utf8_lossy(start).to_lowercase();
+    if text.contains("lt_rdf_version") || text.contains("lt_startofdata") {
+        return not_read("detect.lighttools_text", "a LightTools text ray file");
+    }
+    if text.contains("nbrrays requested") {
+        return not_read("detect.tracepro_text", "a TracePro / ProSource text ray file");
+    }
+    let printable = start.iter().all(|byte| !byte.is_ascii_control() || byte.is_ascii_whitespace());
+    let numbers = text.split_ascii_whitespace().take(8).all(|word| word.parse::<f64>().is_ok());
+    if printable && numbers && !text.trim().is_empty() {
+        return not_read("detect.text", "a ray file in text columns (Zemax text or similar)");
+    }
+    if printable {
+        let found = "This is text, not a ray file.";
+        return Error::malformed("detect.not_rays", found, EXPORT);
+    }
+    unknown()
+}
+
+fn unknown() -> Error {
+    Error::malformed(
+        "detect.unknown",
+        "The content is no ray file format we know: IES TM-25, Zemax binary, LightTools, ASAP, Speos and text were tried.",
+        "Send an IES TM-25 (.tm25ray) or a Zemax binary (.dat, .sdf) ray file.",
+    )
+    .at_byte(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn code(bytes: &[u8]) -> &'static str {
+        detect(&bytes.to_vec()).map_or_else(|error| error.code(), Format::name)
+    }
+
+    #[test]
+    fn content_decides() {
+        let speos: Vec<u8> =
+            [4.0_f32, 2.0, 2.0, 2.0, 2.0, 2.0, 450.0].iter().flat_map(|f| f.to_le_bytes()).chain([0; 64]).collect();
+        let cases: [(&[u8], &str); 14] = [
+            (b"TM25\xdd\x07\0\0", "IES TM-25"),
+            (&1010_i32.to_le_bytes(), "Zemax binary"),
+            (&8_675_309_i32.to_le_bytes(), "Zemax binary"),
+            (b"", "detect.empty"),
+            (b"TM2", "detect.not_rays"),
+            (b"version https://git-lfs.github.com/spec/v1\n", "detect.git_lfs"),
+            (b"PK\x03\x04....", "detect.archive"),
+            (b"\x1f\x8b\x08", "detect.archive"),
+            (b"LTRF\x02\0\0\0", "detect.lighttools"),
+            (&7415_i32.to_le_bytes(), "detect.asap"),
+            (b"# made\nlt_rdf_version: 2.0\n", "detect.lighttools_text"),
+            (b"9 4 0 0\n0 0 0 0 0 1 1\n", "detect.text"),
+            (b"<html><body>Sign in</body></html>", "detect.not_rays"),
+            (&speos, "detect.speos"),
+        ];
+        for (bytes, expected) in cases {
+            assert_eq!(code(bytes), expected, "{bytes:?}");
+        }
+        assert_eq!(code(&[0; 5000]), "detect.unknown");
+    }
+
+    #[test]
+    fn too_few_bytes_are_no_verdict() {
+        assert_eq!(detect_start(b"TM", None).unwrap(), None);
+        assert_eq!(detect_start(b"0 0 1", Some(100)).unwrap(), None);
+        assert_eq!(detect_start(b"TM25", None).unwrap(), Some(Format::Tm25));
+        assert_eq!(detect_start(b"", Some(0)).unwrap_err().code(), "detect.empty");
+        assert_eq!(detect_start(&[0; 5000], None).unwrap_err().code(), "detect.unknown");
+    }
 }

@@ -10,13 +10,24 @@ pub mod tm25;
 pub mod zemax;
 /// What a ray must satisfy.
 pub mod check;
-/// Several ray sets become one source; the only way to its rays.
-pub mod source;
+/// From stored numbers to W and lm.
+mod conversion;
+/// Chunks in parallel, answers in order.
+mod chunks;
 /// One reading of everything: totals, box, directions, notices.
 pub mod survey;
+/// Which totals are known, and whether they can be meant.
+mod totals;
+/// Which spectral bands a source gets.
+mod bands;
+/// Several ray sets become one source; the only way to its rays.
+pub mod source;
+/// What can be said of a file before a model is made of it.
+pub mod inspect;
 /// Known sources with closed-form answers.
 pub mod synthetic;
 
+pub use bytes::digest;
 pub use source::{Ray, Source};
 
 use super::Error;
@@ -120,6 +131,17 @@ pub enum SpectralData {
     Tables(Vec<Table>),
     /// Tristimulus X, Y (= luminous flux), Z per ray.
     Tristimulus,
+}
+
+impl SpectralData {
+    /// The tables, where the spectrum comes in tables.
+    pub fn tables(&self) -> &[Table] {
+        match self {
+            SpectralData::Table(table) => std::slice::from_ref(table),
+            SpectralData::Tables(tables) => tables,
+            SpectralData::None | SpectralData::Wavelength | SpectralData::Tristimulus => &[],
+        }
+    }
 }
 
 /// What a file says of itself.

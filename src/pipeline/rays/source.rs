@@ -6,12 +6,20 @@
 use super::super::Error;
 use super::super::vocabulary::limits::Limits;
 use super::super::vocabulary::notice::Notices;
-use super::super::vocabulary::spectrum::{Bands, Table};
+use super::super::vocabulary::spectrum::Bands;
 use super::super::vocabulary::units::Flux;
 use super::super::vocabulary::watch::StageWatch;
-use super::survey::Survey;
-use super::{Facts, Input, Options, RaySet};
+use super::bands;
+use super::check::{self, Checked};
+use super::chunks;
+use super::conversion::Conversion;
+use super::survey::{Reading, Survey, survey};
+use super::{Facts, Input, Options, RawRay, RaySet, SpectralData, open, totals};
 use glam::DVec3;
+use std::sync::Arc;
+
+/// Rays per chunk of a pass.
+pub const CHUNK_RAYS: usize = 1 << 14;
 
 /// A checked ray in the source frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -122,16 +130,40 @@ pub struct Channel {
     pub byte_count: u64,
     /// What was seen when every ray was read once.
     pub survey: Survey,
+    /// Its own total flux.
+    pub flux: Flux,
     /// Index of its first ray over all channels.
     first_index: u64,
     /// The file.
     set: RaySet,
+    /// From its stored values to W and lm.
+    conversion: Conversion,
+    /// Its first column among the source's.
+    first_column: u32,
 }
 
 impl Channel {
     /// What the file says of itself.
     pub fn facts(&self) -> &Facts {
         &self.set.facts
+    }
+
+    /// The ray of a record that passed its check.
+    fn ray(&self, spectral: &Spectral, index: u64, raw: &RawRay, checked: &Checked) -> Ray {
+        let column = match self.set.facts.spectral {
+            SpectralData::Wavelength => spectral.bands.band(raw.wavelength_nm).unwrap_or(spectral.bands.len()) as u32,
+            SpectralData::Tables(_) => self.first_column.saturating_add(raw.table),
+            _ => self.first_column,
+        };
+        Ray {
+            index: self.first_index + index,
+            origin_mm: DVec3::from_array(raw.origin_mm),
+            direction: checked.direction,
+            radiant_w: checked.flux[0],
+            luminous_lm: checked.flux[1],
+            column,
+            xz_lm: checked.xz_lm,
+        }
     }
 }
 
@@ -155,13 +187,36 @@ impl Source {
     /// # Errors
     /// As [`super::read`].
     pub fn read(inputs: &[Input], options: &Options, limits: &Limits, watch: StageWatch<'_>) -> Result<Source, Error> {
-        let _ = (inputs, options, limits, watch, Table::new(&[]));
-        todo!()
+        let sets = open_all(inputs, limits)?;
+        let known = totals::known(&sets)?;
+        let asked = bands::asked(options)?;
+        let all: u64 = sets.iter().map(|set| set.facts.ray_count).sum();
+        let mut notices = Notices::default();
+        let (mut channels, mut first_index) = (Vec::new(), 0);
+        let mut outside = Vec::new();
+        for (input, set) in inputs.iter().zip(sets) {
+            let end = first_index + set.facts.ray_count;
+            let done = |index: u64| index as f64 / all.max(1) as f64;
+            let part = watch.part(done(first_index), done(end));
+            let reading = survey(&set, known.radiant, asked.bands(), limits, part)?;
+            notices.merge(&set.facts.notices);
+            notices.merge(&reading.notices);
+            outside.push(reading.outside);
+            channels.push(Channel::new(input, set, reading, first_index, known.radiant, &mut notices)?);
+            first_index = end;
+        }
+        let mut whole = Survey::empty();
+        channels.iter().for_each(|channel| whole.merge(&channel.survey));
+        totals::notice_size(&whole, &mut notices);
+        let bands = asked.settle(&channels, &outside, &mut notices);
+        let spectral = Spectral::of(&mut channels, bands, known.radiant, &mut notices);
+        let flux = known.sum(channels.iter().map(|channel| channel.flux));
+        Ok(Source { channels, flux, spectral, survey: whole, notices })
     }
 
-    /// One pass over all usable rays. `work` sees each chunk (up to [`super::source::CHUNK_RAYS`] rays, in file order) on some
+    /// One pass over all usable rays. `work` sees each chunk (up to [`CHUNK_RAYS`] rays, in file order) on some
     /// thread of the ambient pool; `merge` folds the answers **in chunk order**, so the result does not depend on the
-    /// number of threads. Memory: a bounded number of chunks.
+    /// number of threads. Memory: at most 64 chunks' answers wait for each other.
     ///
     /// # Errors
     /// [`Error::Cancelled`], [`Error::Unreadable`], whatever `work` answers.
@@ -170,14 +225,130 @@ impl Source {
         watch: StageWatch<'_>,
         start: A,
         work: impl Fn(&[Ray]) -> Result<T, Error> + Sync,
-        merge: impl FnMut(&mut A, T),
+        mut merge: impl FnMut(&mut A, T),
     ) -> Result<A, Error> {
-        let _ = (watch, &work, &self.channels.first().map(|c| (c.first_index, &c.set)));
-        let _ = merge;
-        let _ = start;
-        todo!()
+        let chunk_rays = CHUNK_RAYS as u64;
+        let chunks_of = |channel: &Channel| channel.set.facts.ray_count.div_ceil(chunk_rays);
+        let chunk_count = self.channels.iter().map(chunks_of).sum();
+        chunks::in_order(
+            chunk_count,
+            watch,
+            start,
+            Scratch::default,
+            |scratch, chunk| {
+                let mut chunk = chunk;
+                for channel in &self.channels {
+                    if chunk < chunks_of(channel) {
+                        return work(self.chunk(channel, chunk * chunk_rays, scratch)?);
+                    }
+                    chunk -= chunks_of(channel);
+                }
+                work(&[])
+            },
+            |answer, part| {
+                merge(answer, part);
+                Ok(())
+            },
+        )
+    }
+
+    /// The usable rays among the [`CHUNK_RAYS`] records of `channel` from `first`.
+    fn chunk<'s>(&self, channel: &Channel, first: u64, scratch: &'s mut Scratch) -> Result<&'s [Ray], Error> {
+        let facts = &channel.set.facts;
+        let count = (facts.ray_count - first).min(CHUNK_RAYS as u64) as usize;
+        scratch.raws.clear();
+        scratch.rays.clear();
+        channel.set.records.read(first, count, &mut scratch.raws)?;
+        for (index, raw) in (first..).zip(&scratch.raws) {
+            if let Ok(checked) = check::check(facts, &channel.conversion, raw) {
+                let ray = channel.ray(&self.spectral, index, raw, &checked);
+                scratch.rays.push(Ray {
+                    radiant_w: if self.flux.radiant_w.is_some() { ray.radiant_w } else { 0.0 },
+                    luminous_lm: if self.flux.luminous_lm.is_some() { ray.luminous_lm } else { 0.0 },
+                    ..ray
+                });
+            }
+        }
+        Ok(&scratch.rays)
     }
 }
 
-/// Rays per chunk of a pass.
-pub const CHUNK_RAYS: usize = 1 << 14;
+/// One thread's buffers, used for chunk after chunk.
+#[derive(Default)]
+struct Scratch {
+    raws: Vec<RawRay>,
+    rays: Vec<Ray>,
+}
+
+fn open_all(inputs: &[Input], limits: &Limits) -> Result<Vec<RaySet>, Error> {
+    if inputs.is_empty() {
+        let found = "No ray file was given.";
+        return Err(Error::unusable("rays.no_input", "inputs", found, "Name at least one."));
+    }
+    inputs.iter().map(|input| open(Arc::clone(&input.bytes), limits)).collect()
+}
+
+impl Channel {
+    fn new(
+        input: &Input,
+        set: RaySet,
+        reading: Reading,
+        first_index: u64,
+        radiant: bool,
+        notices: &mut Notices,
+    ) -> Result<Channel, Error> {
+        let conversion = Conversion::of(&set.facts).scaled(&set.facts, &reading.sums);
+        let flux = conversion.totals(&reading.sums);
+        totals::judge(&set.facts, &reading.sums, &flux, notices)?;
+        let mut survey = reading.survey;
+        let scale = conversion.scale(radiant);
+        survey.directions.flux.iter_mut().for_each(|flux| *flux *= scale);
+        Ok(Channel {
+            name: input.name.clone(),
+            sha256: input.sha256.clone(),
+            byte_count: input.bytes.len(),
+            survey,
+            flux,
+            first_index,
+            set,
+            conversion,
+            first_column: 0,
+        })
+    }
+}
+
+impl Spectral {
+    /// One basis for all channels: their wavelengths, their tables, or both, with each band as a table of its own. Channels
+    /// without a spectrum beside others with one have no common basis.
+    fn of(channels: &mut [Channel], bands: Bands, radiant: bool, notices: &mut Notices) -> Spectral {
+        let all = |test: fn(&SpectralData) -> bool| channels.iter().all(|channel| test(&channel.set.facts.spectral));
+        if all(|data| matches!(data, SpectralData::Tristimulus)) {
+            return Spectral { bands, columns: Columns::Tristimulus };
+        }
+        let bare = |data: &SpectralData| matches!(data, SpectralData::None | SpectralData::Tristimulus);
+        if !radiant || channels.iter().any(|channel| bare(&channel.set.facts.spectral)) {
+            if !all(|data| matches!(data, SpectralData::None)) {
+                let told = "The ray sets have no spectral basis in common; the model is built without a spectrum.";
+                notices.add("rays.no_common_spectrum", told);
+            }
+            return Spectral { bands, columns: Columns::None };
+        }
+        if all(|data| matches!(data, SpectralData::Wavelength)) {
+            return Spectral { bands, columns: Columns::Bands };
+        }
+        let mut shares: Vec<Vec<f64>> = Vec::new();
+        if channels.iter().any(|channel| matches!(channel.set.facts.spectral, SpectralData::Wavelength)) {
+            let one_band = |k: usize| (0..bands.len()).map(|band| f64::from(u8::from(band == k))).collect();
+            shares.extend((0..=bands.len()).map(one_band));
+        }
+        for channel in channels {
+            channel.first_column = shares.len() as u32;
+            match &channel.set.facts.spectral {
+                SpectralData::Table(table) => shares.push(table.shares(&bands)),
+                SpectralData::Tables(tables) => shares.extend(tables.iter().map(|table| table.shares(&bands))),
+                _ => {}
+            }
+        }
+        Spectral { bands, columns: Columns::Tables { shares } }
+    }
+}

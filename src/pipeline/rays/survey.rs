@@ -1,19 +1,98 @@
 //! One reading of everything: what was found when every ray was read and checked once.
 
-use super::super::vocabulary::space::Bounds;
+use super::super::Error;
+use super::super::vocabulary::limits::Limits;
+use super::super::vocabulary::notice::Notices;
+use super::super::vocabulary::space::{Axis, Bounds};
+use super::super::vocabulary::spectrum::Bands;
+use super::super::vocabulary::watch::StageWatch;
+use super::check::{self, Checked, Flaw};
+use super::chunks;
+use super::conversion::{Conversion, Sums};
+use super::source::CHUNK_RAYS;
+use super::{RawRay, RaySet, SpectralData};
 use glam::DVec3;
 
-/// Cells along one edge of a face of the direction cube.
+/// Cells along one edge of a face of the direction cube. Even, so that every hemisphere along an axis is a set of cells.
 pub const CUBE_CELLS: usize = 12;
 
 /// Flux by direction on the faces of a cube: 6 × 12 × 12 cells of known solid angle. The cube, unlike a polar grid, is the same
 /// seen from each of the six axes, so a turned source gives a turned answer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DirectionCube {
-    /// `[face][row][column]`, faces in the order of `Axis::ALL`; primary flux (W, or lm where only lm is known).
+    /// `[face][row][column]`, faces in the order of `Axis::ALL`; primary flux (W, or lm where only lm is known). Rows run
+    /// along the axis after the face's in cyclic order (x → y → z → x), columns along the one after that.
     pub flux: Vec<f64>,
     /// Rays per cell.
     pub rays: Vec<u64>,
+}
+
+impl DirectionCube {
+    /// Cells of all six faces.
+    pub const CELLS: usize = 6 * CUBE_CELLS * CUBE_CELLS;
+
+    /// No light.
+    pub fn dark() -> DirectionCube {
+        DirectionCube { flux: vec![0.0; Self::CELLS], rays: vec![0; Self::CELLS] }
+    }
+
+    /// The cell a direction (any length but 0) falls into.
+    pub fn cell(direction: DVec3) -> usize {
+        let axis = Axis::nearest(direction);
+        let k = axis.component();
+        let face = Axis::ALL.iter().position(|a| *a == axis).unwrap_or(0);
+        let depth = direction[k].abs();
+        let slot = |component: f64| {
+            let place = 0.5 * CUBE_CELLS as f64 * (component / depth + 1.0);
+            (place as usize).min(CUBE_CELLS - 1)
+        };
+        (face * CUBE_CELLS + slot(direction[(k + 1) % 3])) * CUBE_CELLS + slot(direction[(k + 2) % 3])
+    }
+
+    /// Solid angle of a cell, sr, exact: a rectangle at unit distance spans atan(uv/√(1+u²+v²)) from the foot point to
+    /// its corner (u, v).
+    pub fn solid_angle_sr(cell: usize) -> f64 {
+        let corner = |u: f64, v: f64| (u * v / (1.0 + u * u + v * v).sqrt()).atan();
+        let (row, column) = (cell / CUBE_CELLS % CUBE_CELLS, cell % CUBE_CELLS);
+        let (u0, u1, v0, v1) = (edge(row), edge(row + 1), edge(column), edge(column + 1));
+        corner(u1, v1) - corner(u0, v1) - corner(u1, v0) + corner(u0, v0)
+    }
+
+    /// Unit direction through the middle of a cell.
+    pub fn center(cell: usize) -> DVec3 {
+        let axis = Axis::ALL[(cell / (CUBE_CELLS * CUBE_CELLS)).min(5)];
+        let (row, column) = (cell / CUBE_CELLS % CUBE_CELLS, cell % CUBE_CELLS);
+        let mut direction = axis.vector();
+        direction[(axis.component() + 1) % 3] = 0.5 * (edge(row) + edge(row + 1));
+        direction[(axis.component() + 2) % 3] = 0.5 * (edge(column) + edge(column + 1));
+        direction.normalize()
+    }
+
+    /// Share of the flux in the open hemisphere round each axis, in the order of `Axis::ALL`; exact, because cells end there.
+    pub fn hemispheres(&self) -> [f64; 6] {
+        let total: f64 = self.flux.iter().sum();
+        Axis::ALL.map(|axis| {
+            let ahead = |(cell, _): &(usize, &f64)| DirectionCube::center(*cell).dot(axis.vector()) > 0.0;
+            let part: f64 = self.flux.iter().enumerate().filter(ahead).map(|(_, flux)| flux).sum();
+            if total > 0.0 { part / total } else { 0.0 }
+        })
+    }
+
+    fn add(&mut self, direction: DVec3, flux: f64) {
+        let cell = DirectionCube::cell(direction);
+        self.flux[cell] += flux;
+        self.rays[cell] += 1;
+    }
+
+    fn merge(&mut self, other: &DirectionCube) {
+        self.flux.iter_mut().zip(&other.flux).for_each(|(sum, part)| *sum += part);
+        self.rays.iter_mut().zip(&other.rays).for_each(|(sum, part)| *sum += part);
+    }
+}
+
+/// Edge `k` of the cells on a face at unit distance, −1..=1.
+fn edge(k: usize) -> f64 {
+    2.0 * k as f64 / CUBE_CELLS as f64 - 1.0
 }
 
 /// What was found in one or more ray sets.
@@ -35,4 +114,218 @@ pub struct Survey {
     pub centroid_mm: DVec3,
     /// Flux by direction.
     pub directions: DirectionCube,
+}
+
+impl Survey {
+    /// Nothing read.
+    pub fn empty() -> Survey {
+        Survey {
+            rays_read: 0,
+            rays_used: 0,
+            radiant_sum: 0.0,
+            luminous_sum: 0.0,
+            bounds_mm: Bounds::EMPTY,
+            wavelength_nm: None,
+            centroid_mm: DVec3::ZERO,
+            directions: DirectionCube::dark(),
+        }
+    }
+
+    /// Adds another set's survey. Centroids are weighted by the flux in the direction cubes.
+    pub fn merge(&mut self, other: &Survey) {
+        let (own, others) = (self.primary_sum(), other.primary_sum());
+        if own + others > 0.0 {
+            self.centroid_mm = (own * self.centroid_mm + others * other.centroid_mm) / (own + others);
+        }
+        self.rays_read += other.rays_read;
+        self.rays_used += other.rays_used;
+        self.radiant_sum += other.radiant_sum;
+        self.luminous_sum += other.luminous_sum;
+        self.bounds_mm = self.bounds_mm.union(other.bounds_mm);
+        self.wavelength_nm = wider(self.wavelength_nm, other.wavelength_nm);
+        self.directions.merge(&other.directions);
+    }
+
+    fn primary_sum(&self) -> f64 {
+        self.directions.flux.iter().sum()
+    }
+}
+
+/// The smallest range that holds both.
+pub fn wider(a: Option<(f64, f64)>, b: Option<(f64, f64)>) -> Option<(f64, f64)> {
+    match (a, b) {
+        (Some((low, high)), Some((other_low, other_high))) => Some((low.min(other_low), high.max(other_high))),
+        (a, b) => a.or(b),
+    }
+}
+
+/// A survey with what only the reading itself needs to know.
+#[derive(Clone, Debug)]
+pub struct Reading {
+    /// What was found. The direction cube holds flux at scale 1.
+    pub survey: Survey,
+    /// Sums as stored.
+    pub sums: Sums,
+    /// Rays refused.
+    pub refused: u64,
+    /// Rays dropped for want of flux.
+    pub dropped: u64,
+    /// The first ray that was refused, and why.
+    pub first_refused: Option<(u64, Flaw)>,
+    /// What happened to rays.
+    pub notices: Notices,
+    /// Rays outside the bands asked about, and the first.
+    pub outside: (u64, Option<u64>),
+    /// Σ flux · origin, at scale 1.
+    moment: DVec3,
+}
+
+/// Reads and checks every ray of `set` once; `radiant` chooses the quantity that weights places and directions.
+///
+/// # Errors
+/// [`Error::Cancelled`], [`Error::Unreadable`], too many refused, none usable.
+pub fn survey(
+    set: &RaySet,
+    radiant: bool,
+    bands: &Bands,
+    limits: &Limits,
+    watch: StageWatch<'_>,
+) -> Result<Reading, Error> {
+    let conversion = Conversion::of(&set.facts);
+    let chunk_rays = CHUNK_RAYS as u64;
+    let count = set.facts.ray_count;
+    let mut reading = chunks::in_order(
+        count.div_ceil(chunk_rays),
+        watch,
+        Reading::new(),
+        Vec::new,
+        |raws: &mut Vec<RawRay>, chunk| {
+            let first = chunk * chunk_rays;
+            raws.clear();
+            set.records.read(first, chunk_rays.min(count - first) as usize, raws)?;
+            let mut part = Reading::new();
+            for (index, raw) in (first..).zip(raws.iter()) {
+                part.see(set, &conversion, radiant, bands, index, raw);
+            }
+            Ok(part)
+        },
+        |whole, part| {
+            whole.merge(part);
+            Ok(())
+        },
+    )?;
+    reading.judge(limits)?;
+    let weight = reading.survey.primary_sum();
+    if weight > 0.0 {
+        reading.survey.centroid_mm = reading.moment / weight;
+    }
+    Ok(reading)
+}
+
+impl Reading {
+    fn new() -> Reading {
+        Reading {
+            survey: Survey::empty(),
+            sums: Sums::default(),
+            refused: 0,
+            dropped: 0,
+            first_refused: None,
+            notices: Notices::default(),
+            outside: (0, None),
+            moment: DVec3::ZERO,
+        }
+    }
+
+    fn see(&mut self, set: &RaySet, conversion: &Conversion, radiant: bool, bands: &Bands, index: u64, raw: &RawRay) {
+        self.survey.rays_read += 1;
+        match check::check(&set.facts, conversion, raw) {
+            Ok(checked) => {
+                self.take(raw, &checked, index, radiant);
+                self.sums.derived += match (set.facts.has_radiant, set.facts.has_luminous) {
+                    (true, true) => 0.0,
+                    (true, false) => checked.flux[1],
+                    (false, _) => checked.flux[0],
+                };
+                if matches!(set.facts.spectral, SpectralData::Wavelength) {
+                    self.see_wavelength(raw.wavelength_nm, index, bands);
+                }
+            }
+            Err(flaw) => self.leave(flaw, index),
+        }
+    }
+
+    fn take(&mut self, raw: &RawRay, checked: &Checked, index: u64, radiant: bool) {
+        let origin = DVec3::from_array(raw.origin_mm);
+        let weight = checked.flux[usize::from(!radiant)];
+        self.survey.rays_used += 1;
+        self.sums.radiant += raw.radiant;
+        self.sums.luminous += raw.luminous;
+        self.moment += weight * origin;
+        self.survey.bounds_mm.grow(origin);
+        self.survey.directions.add(checked.direction, weight);
+        if checked.normalized {
+            self.notices.add_ray(check::NORMALIZED, index, check::NORMALIZED_MESSAGE);
+        }
+        if checked.xz_repaired {
+            self.notices.add_ray(check::NEGATIVE_XZ, index, check::NEGATIVE_XZ_MESSAGE);
+        }
+    }
+
+    fn see_wavelength(&mut self, nm: f64, index: u64, bands: &Bands) {
+        self.survey.wavelength_nm = wider(self.survey.wavelength_nm, Some((nm, nm)));
+        if bands.band(nm).is_none() {
+            self.outside = (self.outside.0 + 1, self.outside.1.or(Some(index)));
+        }
+    }
+
+    fn leave(&mut self, flaw: Flaw, index: u64) {
+        self.notices.add_ray(flaw.code(), index, flaw.message());
+        if flaw.is_harmless() {
+            self.dropped += 1;
+        } else {
+            self.refused += 1;
+            self.first_refused = self.first_refused.or(Some((index, flaw)));
+        }
+    }
+
+    /// Adds the reading of later rays.
+    fn merge(&mut self, later: Reading) {
+        self.survey.merge(&later.survey);
+        self.sums.radiant += later.sums.radiant;
+        self.sums.luminous += later.sums.luminous;
+        self.sums.derived += later.sums.derived;
+        self.survey.radiant_sum = self.sums.radiant;
+        self.survey.luminous_sum = self.sums.luminous;
+        self.refused += later.refused;
+        self.dropped += later.dropped;
+        self.first_refused = self.first_refused.or(later.first_refused);
+        self.notices.merge(&later.notices);
+        self.outside = (self.outside.0 + later.outside.0, self.outside.1.or(later.outside.1));
+        self.moment += later.moment;
+    }
+
+    /// Is this still a ray file?
+    fn judge(&self, limits: &Limits) -> Result<(), Error> {
+        let (read, used) = (self.survey.rays_read, self.survey.rays_used);
+        if read == 0 {
+            return Err(Error::refused("rays.empty", "The file holds no rays.", "Export it again with rays."));
+        }
+        if let Some((ray, flaw)) = self.first_refused
+            && self.refused as f64 > limits.max_refused_share * read as f64
+        {
+            let found = format!(
+                "{} of {read} rays cannot be used, more than the {} % allowed. The first: {}",
+                self.refused,
+                100.0 * limits.max_refused_share,
+                flaw.message()
+            );
+            let remedy = "Export the file again; a wrong record layout or a damaged file looks like this.";
+            return Err(Error::refused("rays.too_many_refused", found, remedy).at_ray(ray));
+        }
+        if used == 0 {
+            let found = format!("None of the {read} rays can be used; {} carry no flux.", self.dropped);
+            return Err(Error::refused("rays.none_usable", found, "Export the file again with flux per ray."));
+        }
+        Ok(())
+    }
 }

@@ -1,11 +1,248 @@
-//! To come.
+//! Zemax / OpticStudio binary source files, .dat and .sdf (`FORMATS.md` 2). Radiant ProSource and TracePro write the same.
+//!
+//! The reader follows the vendor's help page: of the header OpticStudio uses only the count, the unit, the format and the
+//! flux type; what it calls the power of a file is the sum of its rays.
+
+use super::super::Error;
+use super::super::vocabulary::limits::Limits;
+use super::super::vocabulary::notice::Notices;
+use super::super::vocabulary::spectrum::Table;
+use super::super::vocabulary::units::Flux;
+use super::bytes::{Cursor, ascii, f32_in, i32_in, u32_in};
+use super::{Bytes, Facts, Format, RawRay, RaySet, Records, SpectralData, TotalRule};
+use std::sync::Arc;
+
+/// First word of a file: current, and the older one of Radiant ProSource.
+pub const IDENTIFIERS: [i32; 2] = [1010, 8_675_309];
+/// Bytes of the header.
+const HEADER: u64 = 208;
+/// Bytes of the header as 64-bit Linux programs write it that declare a field `long`: all after byte 140 is 4 bytes late.
+const HEADER_LONG: u64 = 212;
+/// Nanometres per micrometre.
+const NM_PER_UM: f64 = 1000.0;
+/// Wavelengths, µm, that a light source may have.
+const LIGHT_UM: (f32, f32) = (0.1, 20.0);
+/// Rays looked at to see whether flux and wavelength changed places.
+const SWAP_RAYS: u64 = 64;
+
 /// Opens a file of this format.
 ///
 /// # Errors
 /// As [`super::open`].
-pub fn open(
-    _bytes: std::sync::Arc<dyn super::Bytes>,
-    _limits: &super::super::vocabulary::limits::Limits,
-) -> Result<super::RaySet, super::super::Error> {
-    todo!()
+pub fn open(bytes: Arc<dyn Bytes>, limits: &Limits) -> Result<RaySet, Error> {
+    let header = Header::read(bytes.as_ref())?;
+    let layout = header.layout(bytes.len())?;
+    if u64::from(header.ray_count) > limits.max_rays {
+        let found = format!("The file holds {} rays; {} are allowed.", header.ray_count, limits.max_rays);
+        return Err(Error::refused("rays.too_many", found, "Thin the file out, or raise the limit.").at_byte(4));
+    }
+    let mut facts = header.facts(&layout)?;
+    let records = ZemaxRecords { bytes, layout };
+    if layout.spectral && records.looks_swapped(header.ray_count)? {
+        let told = "Flux and wavelength look as if they had changed places; they were read in the documented order.";
+        facts.notices.add("zemax.swapped_columns", told);
+    }
+    Ok(RaySet { facts, records: Box::new(records) })
+}
+
+/// Judges the header from the first bytes of a file that is `length` bytes long, if that is known.
+///
+/// # Errors
+/// As [`open`]; [`Error::Unreadable`] (end of file) when `bytes` holds too little to tell.
+pub fn peek(bytes: &dyn Bytes, length: Option<u64>) -> Result<(), Error> {
+    let mut block = vec![0; HEADER_LONG as usize];
+    bytes.read_at(0, &mut block)?;
+    let header = Header { ray_count: u32_in(&block, 4), block };
+    match length {
+        Some(length) => header.facts(&header.layout(length)?).map(|_| ()),
+        None => Ok(()),
+    }
+}
+
+/// The header, not yet believed.
+struct Header {
+    block: Vec<u8>,
+    ray_count: u32,
+}
+
+/// Where records are and what is in them.
+#[derive(Clone, Copy, Debug)]
+struct Layout {
+    /// Offset of the first record: [`HEADER`] or [`HEADER_LONG`].
+    start: u64,
+    /// Records hold a wavelength.
+    spectral: bool,
+    /// Flux is in lm.
+    luminous: bool,
+    /// Flux type as stored.
+    flux_type: i32,
+    /// Millimetres per length unit.
+    mm: f64,
+}
+
+impl Layout {
+    fn record_bytes(&self) -> u64 {
+        if self.spectral { 32 } else { 28 }
+    }
+}
+
+impl Header {
+    fn read(bytes: &dyn Bytes) -> Result<Header, Error> {
+        let mut cursor = Cursor::new(bytes, 0);
+        let mut block = cursor.block("the header", HEADER)?;
+        // One more word, for the long header; the first record of a good file has it too.
+        block.extend(cursor.block("the first record", 4.min(bytes.len() - HEADER))?);
+        Ok(Header { ray_count: u32_in(&block, 4), block })
+    }
+
+    /// The layout that the length of the file proves.
+    fn layout(&self, length: u64) -> Result<Layout, Error> {
+        let formats = [(HEADER, 192), (HEADER_LONG, 196)].map(|(start, at)| (start, i32_in(&self.block, at), at));
+        let count = u64::from(self.ray_count);
+        for (start, format, at) in formats {
+            let record_bytes = if format == 2 { 32 } else { 28 };
+            if matches!(format, 0 | 2) && length == start + count * record_bytes {
+                return self.layout_at(start, format == 2, at);
+            }
+        }
+        let (_, format, _) = formats[0];
+        if !matches!(format, 0 | 2) {
+            let found = format!("The ray format is {format}; only 0 (flux) and 2 (spectral) exist.");
+            return Err(Error::malformed("zemax.ray_format", found, "Export the file again.").at_byte(192));
+        }
+        let record_bytes = if format == 2 { 32 } else { 28 };
+        let found = format!(
+            "The header announces {count} rays of {record_bytes} bytes, which makes {} bytes; the file has {length}.",
+            HEADER + count * record_bytes
+        );
+        let remedy = "Fetch the file again if it is shorter than announced; export it again if it is longer.";
+        Err(Error::malformed("zemax.size", found, remedy).at_byte(length.min(HEADER)))
+    }
+
+    fn layout_at(&self, start: u64, spectral: bool, format_at: usize) -> Result<Layout, Error> {
+        let (unit, flux_type) = (i32_in(&self.block, 136), i32_in(&self.block, format_at + 4));
+        let mm = match unit {
+            0 => 1000.0,
+            1 => 25.4,
+            2 => 10.0,
+            3 => 304.8,
+            4 => 1.0,
+            _ => {
+                let found = format!("The length unit is {unit}; only 0 to 4 (m, in, cm, ft, mm) exist.");
+                return Err(Error::malformed("zemax.unit", found, "Export the file again.").at_byte(136));
+            }
+        };
+        if !(spectral || matches!(flux_type, 0 | 1)) {
+            let found = format!("The flux type is {flux_type}; only 0 (W) and 1 (lm) exist.");
+            let remedy = "Export the file again with a flux unit.";
+            return Err(Error::malformed("zemax.flux_type", found, remedy).at_byte(format_at as u64 + 4));
+        }
+        Ok(Layout { start, spectral, luminous: !spectral && flux_type == 1, flux_type, mm })
+    }
+
+    fn facts(&self, layout: &Layout) -> Result<Facts, Error> {
+        let float = |at| f32_in(&self.block, at);
+        let mut notices = Notices::default();
+        if layout.start == HEADER_LONG {
+            let told = "The header is 212 bytes long, as written by programs with 64-bit `long`; it was read as such.";
+            notices.add("zemax.long_header", told);
+        }
+        if layout.spectral && layout.flux_type != 0 {
+            notices.add(
+                "zemax.flux_type",
+                "Spectral rays are in W by definition; the flux type of the header was ignored.",
+            );
+        }
+        let total = Some(f64::from(float(108))).filter(|total| total.is_finite() && *total > 0.0);
+        Ok(Facts {
+            format: Format::ZemaxBinary,
+            ray_count: u64::from(self.ray_count),
+            header_flux: Flux {
+                radiant_w: total.filter(|_| !layout.luminous),
+                luminous_lm: total.filter(|_| layout.luminous),
+            },
+            total_rule: TotalRule::RaySum,
+            has_radiant: !layout.luminous,
+            has_luminous: layout.luminous,
+            spectral: self.spectral(layout, &mut notices),
+            texts: self.texts(layout),
+            notices,
+        })
+    }
+
+    /// A wavelength in the header of a flux-only file is that of all its rays; 0 stands for a composite, NaN for nothing.
+    fn spectral(&self, layout: &Layout, notices: &mut Notices) -> SpectralData {
+        let um = f32_in(&self.block, 116);
+        if layout.spectral {
+            return SpectralData::Wavelength;
+        }
+        if !(um >= LIGHT_UM.0 && um <= LIGHT_UM.1) {
+            return SpectralData::None;
+        }
+        let nm = f64::from(um) * NM_PER_UM;
+        let told =
+            format!("The header gives one wavelength for all rays, {nm:.1} nm; W and lm were converted with it.");
+        notices.add("zemax.header_wavelength", told);
+        Table::new(&[(nm, 1.0)]).map_or(SpectralData::None, SpectralData::Table)
+    }
+
+    fn texts(&self, layout: &Layout) -> Vec<(String, String)> {
+        let float = |at| f32_in(&self.block, at).to_string();
+        let unit = ["m", "in", "cm", "ft", "mm"].get(i32_in(&self.block, 136).max(0) as usize).copied().unwrap_or("");
+        [
+            ("identifier", i32_in(&self.block, 0).to_string()),
+            ("description", ascii(self.block.get(8..108).unwrap_or_default())),
+            ("source_flux", float(108)),
+            ("ray_set_flux", float(112)),
+            ("wavelength_um", float(116)),
+            ("length_unit", unit.to_owned()),
+            ("flux_unit", if layout.luminous { "lm" } else { "W" }.to_owned()),
+        ]
+        .map(|(name, value)| (name.to_owned(), value))
+        .to_vec()
+    }
+}
+
+/// The records of a file.
+struct ZemaxRecords {
+    bytes: Arc<dyn Bytes>,
+    layout: Layout,
+}
+
+impl ZemaxRecords {
+    fn block(&self, first: u64, count: usize) -> Result<Vec<u8>, Error> {
+        let size = self.layout.record_bytes();
+        let mut block = vec![0; count * size as usize];
+        self.bytes.read_at(self.layout.start + first * size, &mut block)?;
+        Ok(block)
+    }
+
+    /// Column 7 reads like wavelengths in µm and column 8 does not.
+    fn looks_swapped(&self, ray_count: u32) -> Result<bool, Error> {
+        let block = self.block(0, u64::from(ray_count).min(SWAP_RAYS) as usize)?;
+        let mut rays = block.chunks_exact(32).peekable();
+        let any = rays.peek().is_some();
+        Ok(any && rays.all(|ray| (0.2..=2.5).contains(&f32_in(ray, 24)) && !(0.2..1.0).contains(&f32_in(ray, 28))))
+    }
+}
+
+impl Records for ZemaxRecords {
+    fn read(&self, first: u64, count: usize, rays: &mut Vec<RawRay>) -> Result<(), Error> {
+        let block = self.block(first, count)?;
+        let Layout { spectral, luminous, mm, .. } = self.layout;
+        let (words, _) = block.as_chunks::<4>();
+        rays.extend(words.chunks_exact(if spectral { 8 } else { 7 }).map(|record| {
+            let at = |k: usize| record.get(k).map_or(0.0, |word| f64::from(f32::from_le_bytes(*word)));
+            let flux = at(6);
+            RawRay {
+                origin_mm: [at(0) * mm, at(1) * mm, at(2) * mm],
+                direction: [at(3), at(4), at(5)],
+                radiant: if luminous { 0.0 } else { flux },
+                luminous: if luminous { flux } else { 0.0 },
+                wavelength_nm: at(7) * NM_PER_UM,
+                ..RawRay::default()
+            }
+        }));
+        Ok(())
+    }
 }

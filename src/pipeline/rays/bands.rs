@@ -1,0 +1,105 @@
+//! Which spectral bands a source gets: the user's, or 380..780 nm in 10 nm, wider where the rays are.
+
+use super::super::Error;
+use super::super::vocabulary::notice::Notices;
+use super::super::vocabulary::spectrum::Bands;
+use super::Options;
+use super::source::Channel;
+use super::survey::wider;
+
+/// Range and step of the default bands, nm.
+const DEFAULT_NM: (f64, f64, f64) = (380.0, 780.0, 10.0);
+/// Wavelengths outside this range, nm, are not light anybody models; bands do not follow them.
+const LIGHT_NM: (f64, f64) = (100.0, 20_000.0);
+/// Most bands the default grows to; and most a user may ask for.
+const MOST_BANDS: (f64, usize) = (400.0, 4096);
+
+/// The bands before the rays are known.
+pub struct Asked {
+    bands: Bands,
+    may_grow: bool,
+}
+
+/// What the options ask for.
+///
+/// # Errors
+/// `options.band_edges`.
+pub fn asked(options: &Options) -> Result<Asked, Error> {
+    let bad = |found: String| {
+        let remedy = format!("Give 2 to {} positive wavelengths in nm, each larger than the last.", MOST_BANDS.1 + 1);
+        Error::unusable("options.band_edges", "rays.band_edges_nm", found, remedy)
+    };
+    if let Some(edges) = &options.band_edges_nm {
+        if edges.len() > MOST_BANDS.1 + 1 {
+            return Err(bad(format!("There are {} band edges.", edges.len())));
+        }
+        let bands = Bands::new(edges.clone()).ok_or_else(|| bad("The band edges do not increase.".to_owned()))?;
+        return Ok(Asked { bands, may_grow: false });
+    }
+    let (low, high, step) = DEFAULT_NM;
+    let bands = Bands::regular(low, high, step).ok_or_else(|| bad("There are no default bands.".to_owned()))?;
+    Ok(Asked { bands, may_grow: true })
+}
+
+impl Asked {
+    /// The bands as asked for.
+    pub fn bands(&self) -> &Bands {
+        &self.bands
+    }
+
+    /// The bands as asked for, for good.
+    pub fn into_bands(self) -> Bands {
+        self.bands
+    }
+
+    /// The bands of the source, and what lies outside them. `outside`: per channel, rays outside [`Asked::bands`].
+    pub fn settle(self, channels: &[Channel], outside: &[(u64, Option<u64>)], notices: &mut Notices) -> Bands {
+        let range = channels.iter().fold(None, |range, channel| wider(range, range_nm(channel)));
+        let Some((low, high)) = range else { return self.bands };
+        if self.may_grow {
+            let (from, to, step) = DEFAULT_NM;
+            let (from, to) = (from.min((low / step).floor() * step), to.max((high / step).ceil() * step));
+            if from >= LIGHT_NM.0
+                && to <= LIGHT_NM.1
+                && (to - from) / step <= MOST_BANDS.0
+                && let Some(bands) = Bands::regular(from, to, step)
+            {
+                return bands;
+            }
+            let told = format!("Wavelengths from {low} to {high} nm are too far apart for the default bands.");
+            notices.add("rays.bands_not_widened", told);
+        }
+        self.tell_outside(channels, outside, notices);
+        self.bands
+    }
+
+    fn tell_outside(&self, channels: &[Channel], outside: &[(u64, Option<u64>)], notices: &mut Notices) {
+        const CODE: &str = "rays.outside_bands";
+        for (channel, (count, first)) in channels.iter().zip(outside) {
+            if *count > 0 {
+                let told = "Rays have wavelengths outside the spectral bands; they count in the totals only.";
+                notices.count(CODE, *count, *first, told);
+            }
+            let least = channel
+                .facts()
+                .spectral
+                .tables()
+                .iter()
+                .map(|table| table.shares(&self.bands).iter().sum::<f64>())
+                .fold(1.0, f64::min);
+            if least < 1.0 - 1e-9 {
+                let told = format!(
+                    "Up to {:.3} % of a spectral table lies outside the spectral bands; it counts in the totals only.",
+                    100.0 * (1.0 - least)
+                );
+                notices.add(CODE, told);
+            }
+        }
+    }
+}
+
+fn range_nm(channel: &Channel) -> Option<(f64, f64)> {
+    let tables =
+        channel.facts().spectral.tables().iter().fold(None, |range, table| wider(range, Some(table.range_nm())));
+    wider(channel.survey.wavelength_nm, tables)
+}

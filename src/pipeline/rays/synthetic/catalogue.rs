@@ -1,0 +1,102 @@
+//! The known sources by name.
+
+use super::glow::Glow;
+use super::shape::Shape;
+use super::{KnownSource, Part};
+use glam::DVec3;
+use std::f64::consts::FRAC_1_SQRT_2;
+
+/// Blue die, nm and weight per nm: a triangle about 450 nm, 20 nm wide at half height.
+const BLUE: &[(f64, f64)] = &[(430.0, 0.0), (450.0, 1.0), (470.0, 0.0)];
+/// Cyan die.
+const CYAN: &[(f64, f64)] = &[(485.0, 0.0), (500.0, 1.0), (520.0, 0.0)];
+/// Green die: lopsided, as InGaN is.
+const GREEN: &[(f64, f64)] = &[(500.0, 0.0), (525.0, 1.0), (570.0, 0.0)];
+/// Red die.
+const RED: &[(f64, f64)] = &[(605.0, 0.0), (632.0, 1.0), (645.0, 0.0)];
+/// Yellow phosphor: wide and rounded.
+const PHOSPHOR: &[(f64, f64)] = &[
+    (480.0, 0.0),
+    (510.0, 0.45),
+    (540.0, 0.95),
+    (560.0, 1.0),
+    (590.0, 0.85),
+    (640.0, 0.4),
+    (700.0, 0.08),
+    (760.0, 0.0),
+];
+
+/// All known sources, looking along +Z.
+pub fn all() -> Vec<KnownSource> {
+    [flat_chip(), four_chips(), dome(), cylinder(), tilted_strip(), phosphor_ring()].into_iter().flatten().collect()
+}
+
+/// The known source of this name.
+pub fn by_name(name: &str) -> Option<KnownSource> {
+    all().into_iter().find(|source| source.name == name)
+}
+
+fn part(shape: Shape, radiant_w: f64, spectrum: &[(f64, f64)]) -> Option<Part> {
+    Some(Part { shape, radiant_w, glow: Glow::new(spectrum)? })
+}
+
+/// A rectangle in z = 0, glowing up.
+fn chip(x: f64, y: f64, width: f64, height: f64) -> Shape {
+    Shape::Rectangle {
+        center: DVec3::new(x, y, 0.0),
+        half_u: DVec3::new(0.5 * width, 0.0, 0.0),
+        half_v: DVec3::new(0.0, 0.5 * height, 0.0),
+    }
+}
+
+fn flat_chip() -> Option<KnownSource> {
+    let parts = vec![part(chip(0.0, 0.0, 1.0, 1.0), 1.0, BLUE)?];
+    Some(KnownSource::new("flat-chip", "A blue Lambertian chip, 1 x 1 mm in z = 0, 1 W.", parts))
+}
+
+fn four_chips() -> Option<KnownSource> {
+    let parts = vec![
+        part(chip(-0.6, -0.6, 1.0, 1.0), 0.9, BLUE)?,
+        part(chip(0.6, -0.6, 1.0, 1.0), 0.3, CYAN)?,
+        part(chip(-0.6, 0.6, 1.0, 1.0), 0.5, GREEN)?,
+        part(chip(0.6, 0.6, 1.0, 1.0), 0.7, RED)?,
+    ];
+    let told =
+        "Four Lambertian chips of 1 x 1 mm in z = 0 with gaps of 0.2 mm: blue 0.9, cyan 0.3, green 0.5, red 0.7 W.";
+    Some(KnownSource::new("four-chips", told, parts))
+}
+
+fn dome() -> Option<KnownSource> {
+    let parts = vec![part(Shape::Dome { radius_mm: 1.5, sin_cone: 0.5 }, 1.0, PHOSPHOR)?];
+    let told = "A glowing ball of radius 0.5 mm at the centre of a ball lens of radius 1.5 mm and index 1.5 whose lower half is \
+                black, seen on the lens: every point of the dome sends even radiance into a cone of 30 degrees round its normal, 1 W.";
+    Some(KnownSource::new("dome", told, parts))
+}
+
+fn cylinder() -> Option<KnownSource> {
+    let parts = vec![part(Shape::Cylinder { radius_mm: 0.5, height_mm: 4.0 }, 2.0, PHOSPHOR)?];
+    let told =
+        "A clear cylinder of radius 0.5 mm from z = 0 to 4 mm, glowing evenly in its volume into all directions, 2 W.";
+    Some(KnownSource::new("cylinder", told, parts))
+}
+
+fn tilted_strip() -> Option<KnownSource> {
+    let shape = Shape::Rectangle {
+        center: DVec3::ZERO,
+        half_u: DVec3::new(FRAC_1_SQRT_2, 0.0, -FRAC_1_SQRT_2),
+        half_v: DVec3::new(0.0, 2.0, 0.0),
+    };
+    let told =
+        "A Lambertian strip of 2 x 4 mm about the y axis, tilted by 45 degrees: it looks between +X and +Z, 1 W.";
+    Some(KnownSource::new("tilted-strip", told, vec![part(shape, 1.0, RED)?]))
+}
+
+fn phosphor_ring() -> Option<KnownSource> {
+    let parts = vec![
+        part(chip(0.0, 0.0, 1.0, 1.0), 0.6, BLUE)?,
+        part(Shape::Ring { inner_mm: 0.8, outer_mm: 1.5 }, 0.8, PHOSPHOR)?,
+    ];
+    let told =
+        "A blue Lambertian chip of 1 x 1 mm in z = 0, 0.6 W, in a phosphor ring from radius 0.8 to 1.5 mm, 0.8 W.";
+    Some(KnownSource::new("phosphor-ring", told, parts))
+}
