@@ -294,15 +294,3 @@ fn options_out_of_range_are_refused_with_their_codes() {
     assert_eq!(code(Options::default(), few), "hull.too_fine");
 }
 
-#[test]
-fn debug_dump() {
-    let hull = wrapped(&ball(10_000, 3.0));
-    let mut text = String::new();
-    for v in &hull.vertices_mm {
-        text += &format!("v {} {} {}\n", v.x, v.y, v.z);
-    }
-    for (t, l) in hull.triangles.iter().zip(&hull.labels) {
-        text += &format!("f {} {} {} {:?}\n", t[0], t[1], t[2], l);
-    }
-    std::fs::write("/tmp/hull_dump.txt", text).unwrap();
-}
