@@ -1,37 +1,61 @@
 //! The command line: reads arguments and nothing else. `lampwright --help` is its documentation.
 
 use clap::{Parser, Subcommand};
-use lampwright::command::{Failure, build, health, inspect, sample};
+use lampwright::command::{Failure, build, health, inspect, openapi, sample, serve};
 use std::process::ExitCode;
 
 /// Turns a light source's ray file into a continuous source model: hull mesh with spectra, zonal goniograms, IES files.
 ///
-/// Exit codes: 0 done, 1 input refused or failed, 2 wrong usage.
+/// Without a verb it serves. Exit codes: 0 done, 1 input refused or failed, 2 wrong usage.
 #[derive(Parser)]
-#[command(version)]
-struct Arguments {
+#[command(version, args_conflicts_with_subcommands = true)]
+struct CommandLine {
     #[command(subcommand)]
-    verb: Verb,
+    verb: Option<Verb>,
+    #[command(flatten)]
+    serve: serve::Arguments,
 }
 
 #[derive(Subcommand)]
 enum Verb {
+    /// Run the service (the default).
+    Serve(serve::Arguments),
     /// Build a model from ray files, without a server.
     Build(build::Arguments),
     /// Say what a ray file says of itself, and what its rays say.
     Inspect(inspect::Arguments),
     /// Write a known source as an IES TM-25 ray file.
     Sample(sample::Arguments),
+    /// Print the OpenAPI contract of the service.
+    Openapi,
     /// Ask a running service whether it is well; for container health checks.
     Health(health::Arguments),
 }
 
 fn main() -> ExitCode {
-    let done = match Arguments::parse().verb {
+    let arguments = CommandLine::parse();
+    let done = match arguments.verb.unwrap_or(Verb::Serve(arguments.serve)) {
+        Verb::Serve(arguments) => serve::run(&arguments),
         Verb::Build(arguments) => build::run(&arguments),
         Verb::Inspect(arguments) => inspect::run(&arguments),
         Verb::Sample(arguments) => sample::run(&arguments),
+        Verb::Openapi => openapi::run(),
         Verb::Health(arguments) => health::run(&arguments),
     };
     done.map_or_else(Failure::report, |()| ExitCode::SUCCESS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_sound_and_serves_without_a_verb() {
+        CommandLine::command().debug_assert();
+        let verb = |line: &str| CommandLine::try_parse_from(line.split(' ')).map(|line| line.verb);
+        assert!(matches!(verb("lampwright --listen 127.0.0.1:0"), Ok(None)));
+        assert!(matches!(verb("lampwright serve --data x"), Ok(Some(Verb::Serve(_)))));
+        assert_eq!(verb("lampwright build").err().map(|error| error.exit_code()), Some(2));
+    }
 }

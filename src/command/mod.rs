@@ -11,12 +11,16 @@ mod progress;
 mod argument;
 /// Aligned text for people.
 mod table;
+/// `serve`: the service.
+pub mod serve;
 /// `build`: the pipeline without a server.
 pub mod build;
 /// `inspect`: what a file says, and what its rays say.
 pub mod inspect;
 /// `sample`: known sources as ray files.
 pub mod sample;
+/// `openapi`: the contract.
+pub mod openapi;
 /// `health`: is a running service well?
 pub mod health;
 

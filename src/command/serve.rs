@@ -1,0 +1,187 @@
+//! `serve`: the service. On an empty data folder it first takes in a known source through the same queue as any upload, so that
+//! there is something to look at within seconds.
+
+use super::Failure;
+use crate::pipeline::rays::synthetic;
+use crate::service::telemetry::{self, LogFormat};
+use crate::service::{Config, Service, StartError, Submitted};
+use axum::Router;
+use axum::body::{Body, to_bytes};
+use axum::http::Request;
+use clap::{Args, ValueEnum};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::path::PathBuf;
+use std::time::Duration;
+use tokio::signal::unix::{SignalKind, signal};
+use tower::ServiceExt;
+
+/// The known source of an empty data folder.
+const SAMPLE: &str = "four-chips";
+/// Its rays.
+const SAMPLE_RAYS: u64 = 200_000;
+
+/// Arguments of `serve`.
+#[derive(Args)]
+pub struct Arguments {
+    /// Address and port; port 0 takes any.
+    #[arg(long, env = "LAMPWRIGHT_LISTEN", default_value = "127.0.0.1:8080", value_name = "ADDRESS")]
+    listen: SocketAddr,
+    /// Folder for everything that outlives the process; made if missing.
+    #[arg(long, env = "LAMPWRIGHT_DATA", default_value = "data", value_name = "DIR")]
+    data: PathBuf,
+    /// Jobs computed at once [default: 2].
+    #[arg(long, env = "LAMPWRIGHT_JOBS", value_name = "N", value_parser = at_least_one)]
+    jobs: Option<usize>,
+    /// Threads each job computes on [default: as many as the machine has].
+    #[arg(long, env = "LAMPWRIGHT_THREADS", value_name = "N", value_parser = at_least_one)]
+    threads: Option<usize>,
+    /// Largest ray file taken, bytes [default: 64 GiB].
+    #[arg(long, env = "LAMPWRIGHT_MAX_UPLOAD", value_name = "BYTES")]
+    max_upload: Option<u64>,
+    /// Seconds that running jobs and open connections get when the service stops [default: 10].
+    #[arg(long, env = "LAMPWRIGHT_GRACE", value_name = "SECONDS")]
+    grace: Option<u64>,
+    /// Do not begin an empty data folder with a known source.
+    #[arg(long, env = "LAMPWRIGHT_NO_SAMPLE")]
+    no_sample: bool,
+    /// What is logged on standard error: error, warn, info, debug, or a filter as lampwright=debug,info.
+    #[arg(long, env = "LAMPWRIGHT_LOG", default_value = "info", value_name = "FILTER")]
+    log: String,
+    /// How log lines look.
+    #[arg(long, env = "LAMPWRIGHT_LOG_FORMAT", value_enum, default_value_t)]
+    log_format: LogLines,
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+enum LogLines {
+    /// For a person.
+    #[default]
+    Text,
+    /// For a collector.
+    Json,
+}
+
+fn at_least_one(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|count| *count > 0).ok_or_else(|| "write a whole number from 1".to_owned())
+}
+
+impl Arguments {
+    fn config(&self) -> Config {
+        let defaults = Config::new(&self.data);
+        Config {
+            listen: self.listen,
+            concurrency: self.jobs.unwrap_or(defaults.concurrency),
+            threads: self.threads.unwrap_or(defaults.threads),
+            max_upload_bytes: self.max_upload.unwrap_or(defaults.max_upload_bytes),
+            grace: self.grace.map_or(defaults.grace, Duration::from_secs),
+            ..defaults
+        }
+    }
+}
+
+/// Serves until SIGINT or SIGTERM.
+///
+/// # Errors
+/// A data folder, an address or a store that cannot be had.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let format = match arguments.log_format {
+        LogLines::Text => LogFormat::Text,
+        LogLines::Json => LogFormat::Json,
+    };
+    telemetry::init(format, &arguments.log);
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build();
+    let runtime = runtime.map_err(|error| {
+        Failure::failed("serve.runtime", error.to_string(), "Allow this process more threads and files.")
+    })?;
+    runtime.block_on(serve(arguments))
+}
+
+async fn serve(arguments: &Arguments) -> Result<(), Failure> {
+    let stop = stopping()?;
+    let service = Service::start(arguments.config()).await?;
+    let site = format!("http://{}", reachable(service.address()));
+    println!("Lampwright {} is at {site}", env!("CARGO_PKG_VERSION"));
+    println!("  documentation   {site}/docs");
+    println!("  send a file     curl --data-binary @FILE '{site}/v1/ray-sets?name=FILE'");
+    if !service.address().ip().is_loopback() {
+        tracing::warn!(address = %service.address(), "whoever reaches this address can use it: no keys are asked for");
+    }
+    if let Some(sample) = begin(&service, arguments.no_sample).await? {
+        println!("  built-in sample {site}/v1/jobs/{}  ({SAMPLE}, {SAMPLE_RAYS} rays)", sample.job);
+        tokio::spawn(tell_when_done(service.router(), site, sample));
+    }
+    let listener = |error: std::io::Error| Failure::failed("serve.listener", error.to_string(), "Start it again.");
+    service.run_until(stop).await.map_err(listener)
+}
+
+/// Gives an empty service its first job.
+async fn begin(service: &Service, unwanted: bool) -> Result<Option<Submitted>, Failure> {
+    let failed = |error: String| Failure::failed("serve.sample", error, "Start it with --no-sample.");
+    if unwanted || !service.is_empty().await.map_err(|error| failed(error.to_string()))? {
+        return Ok(None);
+    }
+    let Some(source) = synthetic::by_name(SAMPLE) else { return Ok(None) };
+    let mut bytes = Vec::new();
+    synthetic::write_tm25(&source, SAMPLE_RAYS, 1, &mut bytes).map_err(|error| failed(error.to_string()))?;
+    let submitted = service.submit(&format!("{SAMPLE}.tm25ray"), bytes.as_slice()).await;
+    submitted.map(Some).map_err(|error| failed(error.to_string()))
+}
+
+/// Says where the sample's model is, once it is, or why there is none.
+async fn tell_when_done(router: Router, site: String, sample: Submitted) {
+    let address = format!("/v1/jobs/{}", sample.job);
+    loop {
+        tokio::time::sleep(Duration::from_millis(250)).await;
+        let Ok(request) = Request::get(&address).body(Body::empty()) else { return };
+        let Ok(response) = router.clone().oneshot(request).await;
+        let Ok(body) = to_bytes(response.into_body(), 1 << 20).await else { return };
+        let Ok(job) = serde_json::from_slice::<serde_json::Value>(&body) else { return };
+        match job.get("state").and_then(serde_json::Value::as_str) {
+            Some("queued" | "running") => {}
+            Some("succeeded") => {
+                println!("The sample's model is finished: curl -O {site}{address}/model.zip");
+                return;
+            }
+            other => {
+                println!("The sample gave no model ({}): see {site}{address}", other.unwrap_or("deleted"));
+                return;
+            }
+        }
+    }
+}
+
+/// Resolves at SIGINT or SIGTERM. Listens from the call on, so that no signal is missed while starting.
+fn stopping() -> Result<impl Future<Output = ()>, Failure> {
+    let failed = |error: std::io::Error| Failure::failed("serve.signals", error.to_string(), "Allow signal handlers.");
+    let mut interrupt = signal(SignalKind::interrupt()).map_err(failed)?;
+    let mut terminate = signal(SignalKind::terminate()).map_err(failed)?;
+    Ok(async move {
+        tokio::select! {
+            _ = interrupt.recv() => {}
+            _ = terminate.recv() => {}
+        }
+    })
+}
+
+/// The address a client on this machine can use: "any" is not one.
+fn reachable(address: SocketAddr) -> SocketAddr {
+    let ip = match address.ip() {
+        IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
+        IpAddr::V6(ip) if ip.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
+        ip => ip,
+    };
+    SocketAddr::new(ip, address.port())
+}
+
+impl From<StartError> for Failure {
+    fn from(error: StartError) -> Failure {
+        let (code, remedy) = match &error {
+            StartError::Folder { .. } => ("serve.folder", "Name another with --data, or see to its permissions."),
+            StartError::Locked(_) => ("serve.locked", "Stop the other process, or name another folder with --data."),
+            StartError::Listen { .. } => ("serve.listen", "Name another with --listen; port 0 takes any free one."),
+            StartError::Storage(_) => ("serve.storage", "See that the data folder is whole and has room."),
+            StartError::Threads(_) => ("serve.threads", "Give fewer with --threads or --jobs."),
+        };
+        Failure::failed(code, error.to_string(), remedy)
+    }
+}

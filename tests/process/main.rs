@@ -1,0 +1,136 @@
+//! The binary as an operator meets it: real sockets, kill -9, SIGTERM, and a disk that stays.
+
+#[cfg(test)]
+#[path = "../support/http.rs"]
+mod http;
+#[cfg(test)]
+mod server;
+
+use serde_json::{Value, json};
+use server::{Server, lampwright};
+use std::process::Stdio;
+
+/// A job long enough to be killed in its middle.
+const LONG_JOB_RAYS: &str = "1000000";
+
+#[test]
+fn an_empty_folder_begins_with_a_model_to_look_at() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(folder.path(), &[]);
+    let jobs = server.get("/v1/jobs").json();
+    let sample = jobs["jobs"][0]["id"].as_str().unwrap_or_else(|| panic!("no job: {jobs}")).to_owned();
+    server.until(&sample, |job| job["state"] == "succeeded");
+    let zip = server.get(&format!("/v1/jobs/{sample}/model.zip"));
+    assert_eq!((zip.status, &zip.body[..4]), (200, b"PK\x03\x04".as_slice()));
+    assert_eq!(zip.header("content-type"), Some("application/zip"));
+    assert_eq!(server.get("/docs/").status, 200);
+    assert_eq!(server.get("/openapi.json").body, lampwright(&["openapi"]).stdout);
+    assert!(lampwright(&["health", &format!("http://{}/healthz", server.address)]).status.success());
+    let address = server.address.clone();
+    assert!(server.terminate().success());
+    assert_eq!(lampwright(&["health", &format!("http://{address}/healthz")]).status.code(), Some(1));
+
+    let server = Server::start(folder.path(), &[]);
+    assert_eq!(server.get("/v1/jobs").json()["jobs"].as_array().map(Vec::len), Some(1), "the sample is not made twice");
+}
+
+#[test]
+fn a_job_outlives_kill_9_and_is_published_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let rays = folder.path().join("chips.tm25ray");
+    let written = lampwright(&["sample", "four-chips", "--rays", LONG_JOB_RAYS, "-o", rays.to_str().unwrap()]);
+    assert!(written.status.success(), "{written:?}");
+    let data = folder.path().join("data");
+    let server = Server::start(&data, &["--no-sample"]);
+    let ray_set =
+        server.post("/v1/ray-sets?name=chips.tm25ray", "application/octet-stream", &std::fs::read(&rays).unwrap());
+    assert_eq!(ray_set.status, 201);
+    let body = json!({ "ray_sets": [ray_set.json()["id"]] }).to_string();
+    let job = server.post("/v1/jobs", "application/json", body.as_bytes());
+    assert_eq!(job.status, 202);
+    let job = job.json()["id"].as_str().unwrap().to_owned();
+    let caught = server.until(&job, |job| job["state"] == "running" && job["progress"].as_f64() > Some(0.0));
+    assert_eq!(caught["attempt"], 1);
+    server.kill();
+
+    let server = Server::start(&data, &["--no-sample"]);
+    let done = server.until(&job, |job| job["state"] == "succeeded");
+    assert_eq!((&done["attempt"], &done["problem"]), (&json!(2), &Value::Null));
+    assert_eq!(server.get("/v1/jobs").json()["jobs"].as_array().map(Vec::len), Some(1));
+    let listed = server.get(&format!("/v1/jobs/{job}/artifacts")).json();
+    let artifacts = listed["artifacts"].as_array().unwrap_or_else(|| panic!("{listed}"));
+    let mut names: Vec<&str> = artifacts.iter().filter_map(|artifact| artifact["name"].as_str()).collect();
+    let all = names.len();
+    names.dedup();
+    assert!(names.contains(&"emitter.glb") && names.contains(&"ies/total.ies"), "{names:?}");
+    assert_eq!(names.len(), all, "an artifact is listed twice: {names:?}");
+    let blobs = server::files_under(&data.join("blobs").join("artifacts"));
+    assert_eq!(blobs, all, "the killed attempt left files behind");
+}
+
+#[test]
+fn sigterm_gives_a_running_job_back_and_the_next_process_ends_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(folder.path(), &["--grace", "1"]);
+    let sample = server.get("/v1/jobs").json()["jobs"][0]["id"].as_str().unwrap().to_owned();
+    server.until(&sample, |job| job["state"] != "queued");
+    assert!(server.terminate().success(), "SIGTERM is a clean end");
+    let server = Server::start(folder.path(), &[]);
+    let done = server.until(&sample, |job| job["state"] == "succeeded");
+    assert_eq!(done["attempt"], 1, "an attempt that the operator ended does not count");
+}
+
+#[test]
+fn a_wrong_file_is_refused_with_a_problem() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(folder.path(), &["--no-sample"]);
+    let answer = server.post("/v1/ray-sets?name=x", "application/octet-stream", b"This is a letter, not a ray file.");
+    let problem = answer.json();
+    assert_eq!(answer.header("content-type"), Some("application/problem+json"));
+    assert!((400..500).contains(&answer.status), "{answer:?}");
+    assert!(problem["code"].as_str().is_some_and(|code| code.contains('.')), "{problem}");
+    assert_eq!(server.get("/v1/ray-sets").json()["ray_sets"], json!([]), "nothing of it is kept");
+}
+
+#[test]
+fn one_folder_has_one_process() {
+    let folder = tempfile::tempdir().unwrap();
+    let _server = Server::start(folder.path(), &["--no-sample"]);
+    let second = lampwright(&["--listen", "127.0.0.1:0", "--data", folder.path().to_str().unwrap()]);
+    assert_eq!(second.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&second.stderr).contains("error serve.locked"), "{second:?}");
+}
+
+#[test]
+fn build_writes_what_the_service_would_and_says_where_the_light_went() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (rays, one, two) = (path("chip.tm25ray"), path("one"), path("two"));
+    assert!(lampwright(&["sample", "flat-chip", "--rays", "20000", "-o", &rays]).status.success());
+    let built = lampwright(&["build", &rays, "-o", &one, "--threads", "1"]);
+    assert!(built.status.success(), "{built:?}");
+    let told = String::from_utf8(built.stdout).unwrap();
+    for word in ["read 20 000", "rejected", "projected", "sound", "rays/s"] {
+        assert!(told.contains(word), "{word}: {told}");
+    }
+    assert!(lampwright(&["build", &rays, "-o", &two, "--threads", "3"]).status.success());
+    let zip = |folder: &str| std::fs::read(format!("{folder}/model.zip")).unwrap();
+    assert!(zip(&one) == zip(&two), "the same bytes on any number of threads");
+    assert_eq!(lampwright(&["build", &rays, "-o", &one]).status.code(), Some(2), "a folder that is not empty");
+
+    std::fs::write(&rays, "no rays").unwrap();
+    let refused = lampwright(&["inspect", &rays]);
+    assert_eq!(refused.status.code(), Some(1));
+    let told = String::from_utf8(refused.stderr).unwrap();
+    for line in ["error detect.not_rays", "what", "where  chip.tm25ray", "do"] {
+        assert!(told.contains(line), "{line}: {told}");
+    }
+}
+
+#[test]
+fn a_closed_pipe_is_no_crash() {
+    let mut child = server::command(&["openapi"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert!(!String::from_utf8_lossy(&output.stderr).contains("panicked"), "{output:?}");
+}

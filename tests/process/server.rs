@@ -1,0 +1,102 @@
+//! A server process on a free loopback port, and the other verbs of the binary.
+
+use crate::http::{Answer, ask};
+use serde_json::Value;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// Longest wait for a job of these tests, on a machine busy with others.
+const PATIENCE: Duration = Duration::from_secs(240);
+
+/// A running server; killed when dropped.
+pub struct Server {
+    child: Child,
+    pub address: String,
+}
+
+/// The binary with `arguments`, nothing from the environment.
+pub fn command(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_lampwright"));
+    command.args(arguments).stdin(Stdio::null());
+    for (name, _) in std::env::vars().filter(|(name, _)| name.starts_with("LAMPWRIGHT_")) {
+        command.env_remove(name);
+    }
+    command
+}
+
+/// Runs the binary to its end.
+pub fn lampwright(arguments: &[&str]) -> Output {
+    command(arguments).output().unwrap()
+}
+
+/// How many files there are under a folder.
+pub fn files_under(folder: &Path) -> usize {
+    let entries = std::fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    let entries = entries.map(|entry| entry.unwrap());
+    entries.map(|entry| if entry.file_type().unwrap().is_dir() { files_under(&entry.path()) } else { 1 }).sum()
+}
+
+impl Server {
+    /// Starts one on `data`; returns once it has said where it is.
+    pub fn start(data: &Path, arguments: &[&str]) -> Server {
+        let mut command = command(&["--listen", "127.0.0.1:0", "--log", "warn", "--data"]);
+        let mut child = command.arg(data).args(arguments).stdout(Stdio::piped()).spawn().unwrap();
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let first = lines.next().expect("a first line").unwrap();
+        let address = first.rsplit_once("http://").unwrap_or_else(|| panic!("no address: {first}")).1.to_owned();
+        // Read on, so that the server never waits for us.
+        std::thread::spawn(move || lines.for_each(drop));
+        let server = Server { child, address };
+        let start = Instant::now();
+        while ask(&server.address, "GET", "/readyz", &[], b"").map_or(0, |answer| answer.status) != 200 {
+            assert!(start.elapsed() < PATIENCE, "the server is not ready");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        server
+    }
+
+    pub fn get(&self, path: &str) -> Answer {
+        ask(&self.address, "GET", path, &[], b"").unwrap()
+    }
+
+    pub fn post(&self, path: &str, content_type: &str, body: &[u8]) -> Answer {
+        ask(&self.address, "POST", path, &[("Content-Type", content_type)], body).unwrap()
+    }
+
+    /// Polls a job until `done`; a job that ended otherwise fails the test at once.
+    pub fn until(&self, job: &str, done: impl Fn(&Value) -> bool) -> Value {
+        let start = Instant::now();
+        loop {
+            let found = self.get(&format!("/v1/jobs/{job}")).json();
+            if done(&found) {
+                return found;
+            }
+            assert!(!matches!(found["state"].as_str(), Some("failed" | "cancelled" | "succeeded") | None), "{found}");
+            assert!(start.elapsed() < PATIENCE, "still {found}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// SIGKILL: nothing of it runs its last lines.
+    pub fn kill(mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+
+    /// SIGTERM, and how it ended.
+    pub fn terminate(mut self) -> ExitStatus {
+        // std has no SIGTERM; kill(1) is on every system that has signals.
+        let told = Command::new("kill").arg(self.child.id().to_string()).status().unwrap();
+        assert!(told.success());
+        self.child.wait().unwrap()
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
