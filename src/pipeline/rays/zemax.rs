@@ -9,6 +9,7 @@ use super::super::vocabulary::notice::Notices;
 use super::super::vocabulary::spectrum::Table;
 use super::super::vocabulary::units::Flux;
 use super::bytes::{Cursor, ascii, f32_in, i32_in, u32_in};
+use super::check;
 use super::{Bytes, Facts, Format, RawRay, RaySet, Records, SpectralData, TotalRule};
 use std::sync::Arc;
 
@@ -31,7 +32,7 @@ const SWAP_RAYS: u64 = 64;
 /// As [`super::open`].
 pub fn open(bytes: Arc<dyn Bytes>, limits: &Limits) -> Result<RaySet, Error> {
     let header = Header::read(bytes.as_ref())?;
-    let layout = header.layout(bytes.len())?;
+    let layout = header.layout(bytes.as_ref())?;
     if u64::from(header.ray_count) > limits.max_rays {
         let found = format!("The file holds {} rays; {} are allowed.", header.ray_count, limits.max_rays);
         return Err(Error::refused("rays.too_many", found, "Thin the file out, or raise the limit.").at_byte(4));
@@ -54,7 +55,7 @@ pub fn peek(bytes: &dyn Bytes, length: Option<u64>) -> Result<(), Error> {
     bytes.read_at(0, &mut block)?;
     let header = Header { ray_count: u32_in(&block, 4), block };
     match length {
-        Some(length) => header.facts(&header.layout(length)?).map(|_| ()),
+        Some(_) => header.facts(&header.layout(bytes)?).map(|_| ()),
         None => Ok(()),
     }
 }
@@ -95,13 +96,17 @@ impl Header {
         Ok(Header { ray_count: u32_in(&block, 4), block })
     }
 
-    /// The layout that the length of the file proves.
-    fn layout(&self, length: u64) -> Result<Layout, Error> {
+    /// The layout that the length of the file and, under the long header, its directions prove.
+    fn layout(&self, bytes: &dyn Bytes) -> Result<Layout, Error> {
+        let length = bytes.len();
         let formats = [(HEADER, 192), (HEADER_LONG, 196)].map(|(start, at)| (start, i32_in(&self.block, at), at));
         let count = u64::from(self.ray_count);
         for (start, format, at) in formats {
             let record_bytes = if format == 2 { 32 } else { 28 };
-            if matches!(format, 0 | 2) && length == start + count * record_bytes {
+            if matches!(format, 0 | 2)
+                && length == start + count * record_bytes
+                && (start == HEADER || check::directions_hold(bytes, start, record_bytes, count)?)
+            {
                 return self.layout_at(start, format == 2, at);
             }
         }
