@@ -238,6 +238,74 @@ fn files_of_different_kinds_become_one_source_or_say_why_not() {
     assert_eq!(indices.unwrap(), [0, 1]);
 }
 
+/// Rays are relative where the header has a total, whichever total it has; Zemax's header is not believed.
+#[test]
+fn the_headers_total_holds_in_tm25() {
+    let of = |header: Header, table: Option<(f32, f32)>| {
+        let header = Header { ray_count: 10, ..header };
+        let tables = table.map(|point| vec![point]).into_iter().collect();
+        let preamble = Preamble::new(header, Spectra::new(tables), Additional::default());
+        let mut bytes = Vec::new();
+        let mut writer = Writer::start(&mut bytes, &preamble).unwrap();
+        let mut rows = Vec::new();
+        (0..10).for_each(|_| writer.rows().encode(&good(), &[], &mut rows));
+        writer.write(&rows).unwrap();
+        let source = read_all(vec![bytes]).unwrap();
+        let (_, watt, lumen) = sums(&source);
+        assert!(close(watt, source.flux.radiant_w.unwrap_or(0.0), 1e-12));
+        assert!(close(lumen, source.flux.luminous_lm.unwrap_or(0.0), 1e-12));
+        // To 12 digits: sums round.
+        let [watt, lumen] = [watt, lumen].map(|flux| (flux * 1e12).round() / 1e12);
+        (watt, lumen, source.notices.count_of("rays.total_ratio"), source.notices.count_of("rays.efficacy_differs"))
+    };
+    let lumens = Header { flags: LUMENS, luminous_lm: Some(5.0), ..Header::default() };
+    assert_eq!(of(lumens.clone(), None), (0.0, 5.0, 1, 0));
+    // Both totals and one table: both hold, although the table says 683 lm/W.
+    let both = Header { radiant_w: Some(0.25), spectral_id: SpectralId::OneTable, ..lumens };
+    assert_eq!(of(both, Some((555.0, 1.0))), (0.25, 5.0, 1, 1));
+    // W per ray, lm in the header: 683 lm/W at 555 nm make 6.83 lm of 0.01 W.
+    let flags = Flags { wavelength: true, ..WATTS };
+    let other = Header { flags, luminous_lm: Some(6.83), spectral_id: SpectralId::PerRay, ..Header::default() };
+    let (watt, lumen, _, _) = of(other, None);
+    assert!(close(watt, 0.01, 1e-6) && close(lumen, 6.83, 1e-6));
+    // Both columns, one total: one factor for both.
+    let flags = Flags { radiant: true, ..LUMENS };
+    let half = Header { flags, radiant_w: Some(10.0), ..Header::default() };
+    assert_eq!(of(half, None), (10.0, 10.0, 1, 0));
+}
+
+/// Damage of any kind is an answer, never a panic: 4 000 files with one word of header or tables replaced.
+#[test]
+fn damaged_files_are_read_or_refused() {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+    let tables = vec![vec![(440.0, 0.5), (450.0, 1.0)], vec![(620.0, 0.5), (650.0, 1.0)]];
+    let flags = Flags { index: true, ..WATTS };
+    let whole = file(flags, SpectralId::IndexPerRay, tables, &[good(); 3]);
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let (mut read, mut refused) = (0, 0);
+    for _ in 0..4000 {
+        let mut bytes = whole.clone();
+        let spots = (0..72).chain(36_288 / 4..bytes.len() / 4).collect::<Vec<usize>>();
+        let at = 4 * spots[random.next_u32() as usize % spots.len()];
+        let word = match random.next_u32() % 4 {
+            0 => random.next_u32(),
+            1 => random.next_u32() % 40,
+            2 => u32::MAX - random.next_u32() % 4,
+            _ => 0x7f80_0000 + random.next_u32() % 2,
+        };
+        bytes[at..at + 4].copy_from_slice(&word.to_le_bytes());
+        match read_all(vec![bytes]) {
+            Ok(source) => {
+                read += 1;
+                assert!(pass(&source).iter().all(|sum| sum.is_finite()), "word {word:#x} at {at}");
+            }
+            Err(_) => refused += 1,
+        }
+    }
+    assert!(read > 400 && refused > 400, "{read} read, {refused} refused");
+}
+
 #[test]
 fn tristimulus_rays_are_three_columns() {
     let flags = Flags { tristimulus: true, ..LUMENS };
