@@ -1,7 +1,7 @@
 //! The command line: reads arguments and nothing else. `lampwright --help` is its documentation.
 
 use clap::{Parser, Subcommand};
-use lampwright::command::{Failure, build, health};
+use lampwright::command::{Failure, build, health, inspect, sample};
 use std::process::ExitCode;
 
 /// Turns a light source's ray file into a continuous source model: hull mesh with spectra, zonal goniograms, IES files.
@@ -18,6 +18,10 @@ struct Arguments {
 enum Verb {
     /// Build a model from ray files, without a server.
     Build(build::Arguments),
+    /// Say what a ray file says of itself, and what its rays say.
+    Inspect(inspect::Arguments),
+    /// Write a known source as an IES TM-25 ray file.
+    Sample(sample::Arguments),
     /// Ask a running service whether it is well; for container health checks.
     Health(health::Arguments),
 }
@@ -25,6 +29,8 @@ enum Verb {
 fn main() -> ExitCode {
     let done = match Arguments::parse().verb {
         Verb::Build(arguments) => build::run(&arguments),
+        Verb::Inspect(arguments) => inspect::run(&arguments),
+        Verb::Sample(arguments) => sample::run(&arguments),
         Verb::Health(arguments) => health::run(&arguments),
     };
     done.map_or_else(Failure::report, |()| ExitCode::SUCCESS)

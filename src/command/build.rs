@@ -1,8 +1,9 @@
 //! `build`: the pipeline without a server. Ray files in, a folder of artifacts and a closing table out.
 
+use super::inspect::notice_rows;
 use super::progress::Progress;
 use super::table::{Table, count, flux, number, percent, triple};
-use super::{Failure, file};
+use super::{Failure, argument, file};
 use crate::pipeline::artifacts::{IesEdition, Spectra, zip};
 use crate::pipeline::flux::balance::Share;
 use crate::pipeline::hull::Label;
@@ -41,16 +42,16 @@ struct Choices {
     #[arg(long, value_name = "MM")]
     max_edge: Option<f64>,
     /// Zones along C0 and across it, as 4x4 [default: from the density of rays, at most 16].
-    #[arg(long, value_name = "CxR", value_parser = zones)]
+    #[arg(long, value_name = "CxR", value_parser = argument::zones)]
     zones: Option<(u32, u32)>,
     /// Axis of the source at gamma = 0: +X -X +Y -Y +Z -Z [default: the one nearest the brightest direction].
-    #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = axis)]
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = argument::axis)]
     nadir: Option<Axis>,
     /// Axis of the source at C0 [default: the next one: +X for Z, +Y for X, +Z for Y].
-    #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = axis)]
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = argument::axis)]
     c0: Option<Axis>,
     /// Spectral bands in nm [default: 380:780:10, wider where the rays are].
-    #[arg(long, value_name = "MIN:MAX:STEP", value_parser = bands)]
+    #[arg(long, value_name = "MIN:MAX:STEP", value_parser = argument::bands)]
     bands: Option<Bands>,
     /// Leave flux and goniograms as counted.
     #[arg(long)]
@@ -79,24 +80,6 @@ enum Edition {
     Of2002,
     #[value(name = "2019")]
     Of2019,
-}
-
-fn zones(text: &str) -> Result<(u32, u32), String> {
-    let sides = text.split_once(['x', 'X']).and_then(|(c, r)| Some((c.parse().ok()?, r.parse().ok()?)));
-    sides.ok_or_else(|| "write columns x rows, as 4x4".to_owned())
-}
-
-fn axis(text: &str) -> Result<Axis, String> {
-    Axis::parse(text).ok_or_else(|| "write one of +X -X +Y -Y +Z -Z".to_owned())
-}
-
-fn bands(text: &str) -> Result<Bands, String> {
-    let numbers: Vec<f64> = text.split(':').map_while(|part| part.parse().ok()).collect();
-    let bands = match numbers[..] {
-        [min_nm, max_nm, step_nm] => Bands::regular(min_nm, max_nm, step_nm),
-        _ => None,
-    };
-    bands.ok_or_else(|| "write first:last:step in nm, as 380:780:10".to_owned())
 }
 
 impl Choices {
@@ -186,10 +169,7 @@ fn summary(outcome: &Outcome, times: &[(Stage, Duration)], folder: &Path) -> Tab
     flux_rows(&mut table, model);
     zone_rows(&mut table, model);
     time_rows(&mut table, times, model.surface.balance.incoming.rays);
-    for notice in &model.notices {
-        let first = notice.first_ray.map_or(String::new(), |ray| format!(", first at ray {ray}"));
-        table.row("notices", [format!("{} x {}{first}: {}", notice.code, notice.count, notice.message)]);
-    }
+    notice_rows(&mut table, &model.notices);
     let written: u64 = outcome.artifacts.iter().map(|artifact| artifact.bytes.len() as u64).sum();
     let files = outcome.artifacts.len();
     table.row("written", [format!("{files} files, {} bytes, and model.zip in {}", count(written), folder.display())]);

@@ -7,10 +7,16 @@ mod failure;
 mod file;
 /// Who watches a run from a terminal: the bar and the clock.
 mod progress;
+/// Values that several verbs read from their arguments.
+mod argument;
 /// Aligned text for people.
 mod table;
 /// `build`: the pipeline without a server.
 pub mod build;
+/// `inspect`: what a file says, and what its rays say.
+pub mod inspect;
+/// `sample`: known sources as ray files.
+pub mod sample;
 /// `health`: is a running service well?
 pub mod health;
 

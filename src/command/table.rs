@@ -2,7 +2,7 @@
 
 use crate::pipeline::vocabulary::units::Flux;
 
-/// Rows of a heading and cells; columns are as wide as their widest cell, the last one is free.
+/// Rows of a heading and cells; columns are as wide as their widest cell, the last cell of a row is free.
 #[derive(Default)]
 pub struct Table {
     rows: Vec<(String, Vec<String>)>,
@@ -19,12 +19,12 @@ impl std::fmt::Display for Table {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let wide = |text: &String| text.chars().count();
         let first = self.rows.iter().map(|(heading, _)| wide(heading)).max().unwrap_or(0);
-        // A single cell is a sentence, and sentences do not set the width of columns.
-        let columns = self.rows.iter().filter(|(_, cells)| cells.len() > 1);
+        // The last cell of a row is a sentence, and sentences do not set the width of columns.
         let mut widths = Vec::new();
-        for (_, cells) in columns {
-            widths.resize(widths.len().max(cells.len()), 0);
-            for (width, cell) in widths.iter_mut().zip(cells) {
+        for (_, cells) in &self.rows {
+            let aligned = cells.len().saturating_sub(1);
+            widths.resize(widths.len().max(aligned), 0);
+            for (width, cell) in widths.iter_mut().zip(&cells[..aligned]) {
                 *width = wide(cell).max(*width);
             }
         }
@@ -33,7 +33,7 @@ impl std::fmt::Display for Table {
             let shown = if above == Some(heading) { "" } else { heading };
             let mut line = format!("{shown:first$}");
             for (k, cell) in cells.iter().enumerate() {
-                let width = if cells.len() > 1 { widths.get(k).copied().unwrap_or(0) } else { 0 };
+                let width = if k + 1 < cells.len() { widths[k] } else { 0 };
                 line += &format!("  {cell:width$}");
             }
             writeln!(f, "{}", line.trim_end())?;
@@ -58,19 +58,21 @@ pub fn count(value: u64) -> String {
 
 /// A number to 5 significant digits.
 pub fn number(value: f64) -> String {
-    let magnitude = value.abs().log10().floor();
+    // The magnitude after rounding: 0.99999999 is written as 1.0000.
+    let written = format!("{value:.4e}");
+    let magnitude = written.split_once('e').and_then(|(_, exponent)| exponent.parse().ok()).unwrap_or(0.0);
     if value == 0.0 {
         "0".to_owned()
     } else if (-4.0..6.0).contains(&magnitude) {
         format!("{value:.*}", (4.0 - magnitude).max(0.0) as usize)
     } else {
-        format!("{value:.4e}")
+        written
     }
 }
 
-/// Three numbers, "1.0000 x 2.0000 x 0.5000".
+/// Three numbers, "1.0000, 2.0000, 0.5000".
 pub fn triple(values: [f64; 3]) -> String {
-    values.map(number).join(" x ")
+    values.map(number).join(", ")
 }
 
 /// A flux in the units it is known in.
@@ -105,7 +107,7 @@ mod tests {
     #[test]
     fn numbers_are_short_and_keep_their_unit() {
         assert_eq!(
-            [0.0, 1.0, -54.7712, 123_456.7, 2.5e7, 3.14159e-6].map(number),
+            [0.0, 0.999_999_99, -54.7712, 123_456.7, 2.5e7, 3.14159e-6].map(number),
             ["0", "1.0000", "-54.771", "123457", "2.5000e7", "3.1416e-6"]
         );
         assert_eq!([0, 999, 1000, 20_000_000].map(count), ["0", "999", "1 000", "20 000 000"]);

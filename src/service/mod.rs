@@ -1,1 +1,219 @@
-//! Sockets, disk and time.
+//! Sockets, disk and time. Everything is wired here and nowhere else; what is computed is [`crate::pipeline`]'s.
+
+/// What an operator may choose.
+pub mod config;
+/// Logs.
+pub mod telemetry;
+/// What outlives the process: rows and blobs.
+pub mod storage;
+/// Takes in a ray file.
+pub mod upload;
+/// What is to be computed, and who computes it.
+pub mod jobs;
+/// The service's face.
+pub mod api;
+
+pub use config::Config;
+
+use api::Api;
+use axum::Router;
+use jobs::options::JobOptions;
+use jobs::queue::{self, Queue};
+use jobs::worker::{Runner, Worker, pipeline_runner};
+use std::fs::{File, TryLockError};
+use std::io;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use storage::Storage;
+use tokio::io::AsyncRead;
+use tokio::net::TcpListener;
+use tokio::task::JoinSet;
+use tokio::time::{Instant, timeout, timeout_at};
+use tokio_util::io::ReaderStream;
+use tokio_util::sync::CancellationToken;
+use tokio_util::task::AbortOnDropHandle;
+use upload::{Announcement, Intake};
+
+/// Why a service does not start.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// The data folder cannot be used.
+    #[error("the data folder {} cannot be used: {error}", folder.display())]
+    Folder {
+        /// Which.
+        folder: PathBuf,
+        /// Why.
+        error: io::Error,
+    },
+    /// Another process has the data folder.
+    #[error("the data folder {} is in use by another process", .0.display())]
+    Locked(PathBuf),
+    /// The address cannot be listened on.
+    #[error("cannot listen on {address}: {error}")]
+    Listen {
+        /// Which.
+        address: SocketAddr,
+        /// Why.
+        error: io::Error,
+    },
+    /// A store cannot be opened.
+    #[error(transparent)]
+    Storage(#[from] storage::Error),
+    /// The computing threads cannot be had.
+    #[error("cannot start the computing threads: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+}
+
+/// Why something given from within was not taken in.
+#[derive(Debug, thiserror::Error)]
+pub enum SubmitError {
+    /// The ray file.
+    #[error(transparent)]
+    Upload(#[from] upload::Error),
+    /// The job.
+    #[error(transparent)]
+    Queue(#[from] queue::Error),
+}
+
+/// What [`Service::submit`] made.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Submitted {
+    /// The ray set's identifier.
+    pub ray_set: String,
+    /// The job's identifier.
+    pub job: String,
+}
+
+/// A running service: it works on its queue from the start and answers once [`Service::run_until`] is called. Dropped, it
+/// stops at once, as if killed; the next one on the same folder goes on.
+pub struct Service {
+    config: Config,
+    api: Api,
+    listener: TcpListener,
+    address: SocketAddr,
+    slots: JoinSet<()>,
+    release: CancellationToken,
+    /// Held as long as the service lives: proves that nobody else works in the data folder.
+    _lock: File,
+}
+
+impl Service {
+    /// Starts a service that computes with [`crate::pipeline::run`]. Needs a tokio runtime of several threads.
+    ///
+    /// # Errors
+    /// [`StartError`].
+    pub async fn start(config: Config) -> Result<Service, StartError> {
+        Service::start_with(config, pipeline_runner()).await
+    }
+
+    /// Starts a service that computes with `runner`.
+    ///
+    /// # Errors
+    /// [`StartError`].
+    pub async fn start_with(config: Config, runner: Runner) -> Result<Service, StartError> {
+        let lock = lock(&config.data)?;
+        let storage = Storage::open(&config.database_url(), &config.storage_url()).await?;
+        let queue = Queue::new(storage.clone(), config.lease, config.max_attempts);
+        // The lock proves that whoever ran these jobs and wrote these blobs is gone.
+        queue.recover().await?;
+        let swept = storage.sweep().await?;
+        tracing::info!(data = %config.data.display(), swept, "storage opened");
+        let listen = |error| StartError::Listen { address: config.listen, error };
+        let listener = TcpListener::bind(config.listen).await.map_err(listen)?;
+        let address = listener.local_addr().map_err(listen)?;
+        let (stop, release) = (CancellationToken::new(), CancellationToken::new());
+        let worker = Worker {
+            storage: storage.clone(),
+            queue: queue.clone(),
+            runner,
+            limits: config.limits,
+            poll: config.poll,
+            beat: config.beat(),
+            stop: stop.clone(),
+            release: release.clone(),
+        };
+        let slots = worker.spawn(config.concurrency, config.threads)?;
+        let (max_bytes, idle, limits) = (config.max_upload_bytes, config.upload_idle, config.limits);
+        let intake = Intake { storage: storage.clone(), max_bytes, idle, limits };
+        let api = Api { storage, queue, intake, draining: stop };
+        Ok(Service { config, api, listener, address, slots, release, _lock: lock })
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Its face, for requests that come from within.
+    pub fn router(&self) -> Router {
+        api::router(self.api.clone())
+    }
+
+    /// Takes in a ray file and queues a job with default options, the way any client's would be.
+    ///
+    /// # Errors
+    /// [`SubmitError`]; nothing is left behind, but for the ray set when only the job fails.
+    pub async fn submit(&self, name: &str, reader: impl AsyncRead) -> Result<Submitted, SubmitError> {
+        let announcement = Announcement { name: name.to_owned(), ..Announcement::default() };
+        let ray_set = self.api.intake.take(announcement, ReaderStream::new(reader)).await?.id;
+        let job = self.api.queue.enqueue(std::slice::from_ref(&ray_set), &JobOptions::default()).await?;
+        Ok(Submitted { ray_set, job })
+    }
+
+    /// True when it has neither ray sets nor jobs: nobody has used this data folder yet.
+    ///
+    /// # Errors
+    /// The database did not answer.
+    pub async fn is_empty(&self) -> Result<bool, storage::Error> {
+        let records = &self.api.storage.records;
+        let ray_sets = storage::ray_sets::list(records, None, 1).await?;
+        Ok(ray_sets.is_empty() && jobs::query::list(records, None, None, 1).await?.is_empty())
+    }
+
+    /// Answers until `shutdown` resolves; then takes nothing new, and gives running jobs and open connections the
+    /// configured grace before jobs go back to the queue, their attempt not counted, and connections are cut.
+    ///
+    /// # Errors
+    /// The listener failed.
+    pub async fn run_until(mut self, shutdown: impl Future<Output = ()>) -> io::Result<()> {
+        tracing::info!(address = %self.address, "listening");
+        let draining = self.api.draining.clone();
+        let router = self.router();
+        let stopped = draining.clone().cancelled_owned();
+        let server = axum::serve(self.listener, router).with_graceful_shutdown(stopped).into_future();
+        let mut server = AbortOnDropHandle::new(tokio::spawn(server));
+        tokio::select! {
+            () = shutdown => {}
+            served = &mut server => return served.map_err(io::Error::other)?,
+        }
+        tracing::info!("stopping");
+        draining.cancel();
+        let deadline = Instant::now() + self.config.grace;
+        if timeout_at(deadline, drained(&mut self.slots)).await.is_err() {
+            self.release.cancel();
+            // A stage looks up at least once per chunk of rays; one that does not is left behind, and its job with it.
+            let _ = timeout(self.config.grace, drained(&mut self.slots)).await;
+        }
+        let _ = timeout_at(deadline, server).await;
+        self.api.storage.records.close().await;
+        tracing::info!("stopped");
+        Ok(())
+    }
+}
+
+/// Resolves when every slot has ended.
+async fn drained(slots: &mut JoinSet<()>) {
+    while slots.join_next().await.is_some() {}
+}
+
+/// Makes the data folder if need be and locks it for this process.
+fn lock(folder: &Path) -> Result<File, StartError> {
+    let failed = |error| StartError::Folder { folder: folder.to_owned(), error };
+    std::fs::create_dir_all(folder).map_err(failed)?;
+    let file = File::create(folder.join("lock")).map_err(failed)?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(StartError::Locked(folder.to_owned())),
+        Err(TryLockError::Error(error)) => Err(failed(error)),
+    }
+}

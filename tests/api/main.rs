@@ -1,1 +1,26 @@
-//! To come.
+//! The service through its front door: every test is a client, then looks at everything that can be seen: the response, the
+//! stored files, the rows, the queue.
+
+#[path = "../support/rays.rs"]
+mod rays;
+#[path = "../support/runners.rs"]
+mod runners;
+#[path = "../support/site.rs"]
+mod site;
+
+/// From a ray file to a zip, and every step between.
+mod walk;
+/// What is taken in, and what is not.
+mod uploads;
+/// Every way to ask wrongly.
+mod requests;
+/// Queue, cancellation, deletion, pages.
+mod jobs;
+/// What processes and stores do to jobs.
+mod faults;
+/// Entity tags and ranges.
+mod downloads;
+/// Health under load, stopping, starting.
+mod operation;
+/// The committed contract.
+mod contract;

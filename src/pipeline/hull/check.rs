@@ -241,10 +241,7 @@ mod tests {
         assert!(hull(&[o, x, DVec3::NAN], &[[0, 1, 2]]).check().contains(&Broken::NotFinite { vertex: 2 }));
         assert_eq!(hull(&[o, x, 2.0 * x], &[[0, 1, 2]]).check(), [Broken::Degenerate { triangle: 0, area_mm2: 0.0 }]);
         assert!(hull(&[o, x, y], &[[0, 1, 2], [0, 2, 1]]).check().contains(&Broken::Duplicate { first: 0, second: 1 }));
-        assert_eq!(
-            hull(&TETRAHEDRON, &[[0, 1, 2], [0, 1, 3]]).check(),
-            [Broken::Winding { from: 0, to: 1 }]
-        );
+        assert_eq!(hull(&TETRAHEDRON, &[[0, 1, 2], [0, 1, 3]]).check(), [Broken::Winding { from: 0, to: 1 }]);
         let three = [o, x, y, DVec3::Z, -y];
         assert_eq!(
             hull(&three, &[[0, 1, 2], [1, 0, 3], [0, 1, 4]]).check(),

@@ -50,9 +50,8 @@ fn filled_level(view: &View, occupancy: &Occupancy, column: usize) -> Option<usi
     if around.len() < AGREEING || !seen_past {
         return own;
     }
-    let points = around.iter().map(|(level, at)| {
-        f64::from(occupancy.points(occupancy.lattice.index(view.cell(*at, *level))))
-    });
+    let points =
+        around.iter().map(|(level, at)| f64::from(occupancy.points(occupancy.lattice.index(view.cell(*at, *level)))));
     let mean = points.sum::<f64>() / around.len() as f64;
     if mean < DARK_AMID { Some(low) } else { own }
 }

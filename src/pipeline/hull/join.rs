@@ -33,6 +33,28 @@ pub struct Joined {
     pub nodes: Vec<Place>,
 }
 
+impl Joined {
+    /// The vertices that share an edge with each vertex; none on the rim of an open surface.
+    pub fn neighbours(&self) -> Vec<Vec<u32>> {
+        let mut next: Vec<Vec<u32>> = vec![Vec::new(); self.nodes.len()];
+        let mut previous = next.clone();
+        for quad in &self.quads {
+            for k in 0..4 {
+                let (from, to) = (quad.vertices[k], quad.vertices[(k + 1) % 4]);
+                next[from as usize].push(to);
+                previous[to as usize].push(from);
+            }
+        }
+        // Inside of a surface every edge is run along both ways.
+        let inside = next.into_iter().zip(&mut previous).map(|(mut next, previous)| {
+            next.sort_unstable();
+            previous.sort_unstable();
+            if next == *previous { next } else { Vec::new() }
+        });
+        inside.collect()
+    }
+}
+
 /// Joins the surface of the solid. Where it cannot be joined properly (two surfaces that touch in an edge, and around both of its ends),
 /// the solid is mended: the cells between them are added.
 pub fn join(solid: &mut Solid, light: &Light) -> Joined {
@@ -44,7 +66,8 @@ pub fn join(solid: &mut Solid, light: &Light) -> Joined {
             return quads(&boundary, &kept, &corners);
         }
         for face in tangled.iter().flat_map(|edge| boundary.faces_at[*edge as usize]) {
-            let outside = boundary.faces.get(face as usize).and_then(|face| solid.lattice.beside(face.place, face.step()));
+            let outside =
+                boundary.faces.get(face as usize).and_then(|face| solid.lattice.beside(face.place, face.step()));
             if let Some(cell) = outside {
                 let index = solid.lattice.index(cell);
                 solid.cells[index] = true;

@@ -57,7 +57,13 @@ pub struct Light {
 /// Pass 2 over the boundary cells of the solid.
 pub fn gather(pass: &Pass<'_>, solid: &Solid, watch: StageWatch<'_>) -> Result<Light, Error> {
     let lattice = solid.lattice;
-    let mut light = Light { lattice, slots: vec![u32::MAX; lattice.len()], outward: Vec::new(), tallies: Vec::new(), nets: Vec::new() };
+    let mut light = Light {
+        lattice,
+        slots: vec![u32::MAX; lattice.len()],
+        outward: Vec::new(),
+        tallies: Vec::new(),
+        nets: Vec::new(),
+    };
     let exposed = |cell: Place| SIDES.iter().any(|side| !solid.has(cell, *side));
     let boundary: Vec<usize> =
         (0..lattice.len()).filter(|index| solid.cells[*index] && exposed(lattice.place(*index))).collect();
@@ -108,8 +114,7 @@ impl Tally {
             self.direction[axis] += other.direction[axis];
             self.position[axis] += other.position[axis];
         }
-        self.reach_mm =
-            [self.reach_mm[0].min(other.reach_mm[0]), self.reach_mm[1].max(other.reach_mm[1])];
+        self.reach_mm = [self.reach_mm[0].min(other.reach_mm[0]), self.reach_mm[1].max(other.reach_mm[1])];
     }
 
     fn mean(&self, sum: [i64; 3]) -> DVec3 {
@@ -147,6 +152,11 @@ impl Light {
         (slot < self.tallies.len()).then_some(slot)
     }
 
+    /// A cloud without extent has one cell, which stands for a body.
+    fn is_point(&self) -> bool {
+        self.lattice.len() == 1
+    }
+
     /// Points in a boundary cell.
     pub fn points(&self, cell: usize) -> u64 {
         self.slot(cell).map_or(0, |slot| self.tallies[slot].count)
@@ -160,6 +170,9 @@ impl Light {
     }
 
     fn measured_net(&self, cell: usize) -> Option<DVec3> {
+        if self.is_point() {
+            return Some(DVec3::ZERO);
+        }
         let (mut sum, mut rays) = (DVec3::ZERO, 0.0);
         for reach in 0..=FARTHEST {
             (sum, rays) = self.sum_around(cell, reach);
@@ -192,7 +205,7 @@ impl Light {
     /// Where the surface runs through a cell, seen against `normal`, mm: for a surface the middle of the points (all lie on it), for a
     /// volume its outermost point. `None` without points, and where the cell faces elsewhere.
     pub fn level_mm(&self, cell: usize, normal: DVec3) -> Option<DVec3> {
-        let slot = self.slot(cell)?;
+        let slot = self.slot(cell).filter(|_| !self.is_point())?;
         let (tally, outward) = (&self.tallies[slot], self.outward[slot]);
         if tally.count == 0 {
             return None;

@@ -109,8 +109,7 @@ fn wrap_points(
 ) -> Result<Hull, Error> {
     options.validate()?;
     let mut notices = Notices::default();
-    let occupancy =
-        occupancy::settle(pass, bounds_mm, options.resolution, limits, watch.part(0.0, 0.5), &mut notices)?;
+    let occupancy = occupancy::settle(pass, bounds_mm, options.resolution, limits, watch.part(0.0, 0.5), &mut notices)?;
     let lattice = occupancy.lattice;
     let max_edge_mm = options.max_edge_mm.unwrap_or(MAX_EDGE_DIAGONALS * lattice.cell_mm.length());
 
@@ -121,7 +120,7 @@ fn wrap_points(
     let light = light::gather(pass, &solid, watch.part(0.5, 0.95))?;
     let joined = join::join(&mut solid, &light);
     let places = place::place(&joined, &light, &lattice);
-    let hull = triangles::build(&joined, places, &lattice, max_edge_mm, notices);
+    let hull = triangles::build(&joined, &places, &lattice, max_edge_mm, notices);
     watch.step(1.0)?;
     Ok(hull)
 }

@@ -175,9 +175,10 @@ impl Occupancy {
             let count = u64::from(self.counts[*index]);
             count > 0
                 && count * STRAY_RATIO < ordinary
-                && self.lattice.around(self.lattice.place(*index), 1).all(|(_, other)| {
-                    other == *index || self.counts[other] == 0
-                })
+                && self
+                    .lattice
+                    .around(self.lattice.place(*index), 1)
+                    .all(|(_, other)| other == *index || self.counts[other] == 0)
         };
         let cells: Vec<usize> = (0..self.counts.len()).filter(stray).collect();
         let strays: u64 = cells.iter().map(|cell| u64::from(self.counts[*cell])).sum();

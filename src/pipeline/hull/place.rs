@@ -10,9 +10,24 @@ use glam::{DMat3, DVec3};
 const AGREES: f64 = 0.3;
 /// How strongly a plane that the points leave open keeps to the lattice.
 const STIFFNESS: f64 = 0.05;
+/// Neighbouring normals with a smaller cosine make a crease.
+const CREASE: f64 = 0.5;
+/// Rounds in which vertices are evened out.
+const RELAXATIONS: usize = 8;
 
-/// Position of each vertex, mm.
-pub fn place(joined: &Joined, light: &Light, lattice: &Lattice) -> Vec<DVec3> {
+/// A vertex where the points want it.
+#[derive(Clone, Copy, Debug)]
+pub struct Placed {
+    /// Position, mm.
+    pub at_mm: DVec3,
+    /// Unit normal of the surface there.
+    pub normal: DVec3,
+    /// The points say so; else it stays at its lattice node.
+    by_points: bool,
+}
+
+/// Places each vertex.
+pub fn place(joined: &Joined, light: &Light, lattice: &Lattice) -> Vec<Placed> {
     let mut normals = vec![DVec3::ZERO; joined.nodes.len()];
     let mut sides = vec![0u8; lattice.len()];
     for quad in &joined.quads {
@@ -21,12 +36,44 @@ pub fn place(joined: &Joined, light: &Light, lattice: &Lattice) -> Vec<DVec3> {
             normals[vertex as usize] += quad.normal;
         }
     }
-    let placed = joined.nodes.iter().zip(normals).map(|(node, normal)| {
-        let normal = normal.normalize_or_zero();
+    let on_plane = |(node, normal): (&Place, DVec3)| {
+        let (node_mm, normal) = (lattice.node_mm(*node), normal.normalize_or_zero());
         let levels = levels_around(*node, normal, light, lattice, &sides);
-        lattice.node_mm(*node) + normal * shift_mm(lattice.node_mm(*node), normal, &levels, lattice)
-    });
-    placed.collect()
+        match plane(&levels, normal, lattice) {
+            Some(plane) => Placed {
+                at_mm: node_mm + normal * plane.shift_mm(node_mm, normal, lattice),
+                normal: plane.normal,
+                by_points: true,
+            },
+            None => Placed { at_mm: node_mm, normal, by_points: false },
+        }
+    };
+    let mut places: Vec<Placed> = joined.nodes.iter().zip(normals).map(on_plane).collect();
+    relax(joined, &mut places);
+    places
+}
+
+/// Evens out the distances between vertices, each within its plane: steps of the lattice are folded where they were moved together.
+/// Rims and creases stay.
+fn relax(joined: &Joined, places: &mut [Placed]) {
+    let smooth = |vertex: usize, around: &Vec<u32>| {
+        let normal = places[vertex].normal;
+        places[vertex].by_points && around.iter().all(|other| places[*other as usize].normal.dot(normal) > CREASE)
+    };
+    let neighbours: Vec<Vec<u32>> = joined.neighbours();
+    let movable: Vec<usize> =
+        (0..places.len()).filter(|v| !neighbours[*v].is_empty() && smooth(*v, &neighbours[*v])).collect();
+    for _ in 0..RELAXATIONS {
+        let moved = movable.iter().map(|vertex| {
+            let (place, around) = (&places[*vertex], &neighbours[*vertex]);
+            let middle_mm =
+                around.iter().map(|other| places[*other as usize].at_mm).sum::<DVec3>() / around.len() as f64;
+            place.at_mm + 0.5 * (middle_mm - place.at_mm).reject_from_normalized(place.normal)
+        });
+        for (vertex, at_mm) in movable.iter().zip(moved.collect::<Vec<_>>()) {
+            places[*vertex].at_mm = at_mm;
+        }
+    }
 }
 
 /// One bit for each of the six axis directions.
@@ -72,23 +119,31 @@ fn levels_around(node: Place, normal: DVec3, light: &Light, lattice: &Lattice, s
     levels
 }
 
-/// How far along `normal` a vertex at `node_mm` has to go to lie on the plane through the levels; at most one cell.
-fn shift_mm(node_mm: DVec3, normal: DVec3, levels: &[Level], lattice: &Lattice) -> f64 {
-    let Some((middle_mm, _)) = moments(levels.iter()) else { return 0.0 };
-    let plane = plane_normal(levels, normal, lattice);
-    let near_mm = moments(levels.iter().filter(|level| level.touches)).map_or(middle_mm, |(mean_mm, _)| mean_mm);
-    let most_mm = (normal * lattice.cell_mm).length();
-    ((near_mm - node_mm).dot(plane) / normal.dot(plane)).clamp(-most_mm, most_mm)
+/// A plane through levels.
+#[derive(Clone, Copy)]
+struct Plane {
+    at_mm: DVec3,
+    normal: DVec3,
 }
 
-/// Normal of the plane the levels lie in; what they leave open follows the lattice's `normal`.
-fn plane_normal(levels: &[Level], normal: DVec3, lattice: &Lattice) -> DVec3 {
-    let Some((_, spread)) = moments(levels.iter()) else { return normal };
+impl Plane {
+    /// How far along `normal` a vertex at `node_mm` has to go to lie on the plane; at most through one cell.
+    fn shift_mm(&self, node_mm: DVec3, normal: DVec3, lattice: &Lattice) -> f64 {
+        let most_mm = normal.abs().dot(lattice.cell_mm);
+        ((self.at_mm - node_mm).dot(self.normal) / normal.dot(self.normal)).clamp(-most_mm, most_mm)
+    }
+}
+
+/// The plane through the levels of the cells that touch the vertex, in the direction of all; what they leave open follows the
+/// lattice's `normal`. `None` without levels.
+fn plane(levels: &[Level], normal: DVec3, lattice: &Lattice) -> Option<Plane> {
+    let (middle_mm, spread) = moments(levels.iter())?;
+    let at_mm = moments(levels.iter().filter(|level| level.touches)).map_or(middle_mm, |(near_mm, _)| near_mm);
     let across = DMat3::IDENTITY - outer(normal);
     let cell_mm = DMat3::from_diagonal(lattice.cell_mm * lattice.cell_mm);
-    let plane = flattest(spread + across * cell_mm * across * STIFFNESS, normal);
-    let plane = plane * plane.dot(normal).signum();
-    if plane.dot(normal) < AGREES { normal } else { plane }
+    let flattest = flattest(spread + across * cell_mm * across * STIFFNESS, normal);
+    let flattest = flattest * flattest.dot(normal).signum();
+    Some(Plane { at_mm, normal: if flattest.dot(normal) < AGREES { normal } else { flattest } })
 }
 
 /// Weighted mean, mm, and covariance, mm², of levels; `None` without any.

@@ -140,8 +140,11 @@ impl Boundary {
 
     /// Drops faces that join nothing, until all that are left do. The outcome does not depend on the order.
     fn peel(&self, standings: &[Standing], kept: &mut [bool]) {
-        let mut meeting: Vec<u32> =
-            self.faces_at.iter().map(|faces| faces.iter().filter(|face| is_kept(kept, **face)).count() as u32).collect();
+        let mut meeting: Vec<u32> = self
+            .faces_at
+            .iter()
+            .map(|faces| faces.iter().filter(|face| is_kept(kept, **face)).count() as u32)
+            .collect();
         let mut doubtful: Vec<usize> = (0..kept.len()).filter(|face| kept[*face]).collect();
         while let Some(face) = doubtful.pop() {
             if !kept[face] || self.joins(face, standings[face], &meeting) {

@@ -1,14 +1,15 @@
 //! From quads to triangles: sound ones, of the sizes that the filter admits, with no vertex left over.
 
+use super::super::vocabulary::notice::Notices;
 use super::groups::Groups;
 use super::join::{Joined, Quad};
 use super::lattice::Lattice;
 use super::mesh::{Hull, Label};
-use super::super::vocabulary::notice::Notices;
+use super::place::Placed;
 use glam::DVec3;
 
 /// A triangle has turned too far when the cosine between its normal and the lattice's is smaller.
-const TURNED: f64 = 0.1;
+const TURNED: f64 = 0.2;
 /// A triangle is degenerate when it has less of half its quad's area on the lattice.
 const SHRUNK: f64 = 1e-3;
 /// How often an unsound triangle's vertices go back half the way to the lattice before they go back all the way.
@@ -17,14 +18,8 @@ const HALVINGS: usize = 6;
 const EQUAL: f64 = 1e-9;
 
 /// Puts the hull together.
-pub fn build(
-    joined: &Joined,
-    places_mm: Vec<DVec3>,
-    lattice: &Lattice,
-    max_edge_mm: f64,
-    notices: Notices,
-) -> Hull {
-    let vertices_mm = sound(joined, places_mm, lattice);
+pub fn build(joined: &Joined, places: &[Placed], lattice: &Lattice, max_edge_mm: f64, notices: Notices) -> Hull {
+    let vertices_mm = sound(joined, places, lattice);
     let (mut triangles, mut labels) = (Vec::new(), Vec::new());
     for quad in &joined.quads {
         for triangle in halves(quad, &vertices_mm) {
@@ -59,15 +54,16 @@ fn halves(quad: &Quad, vertices_mm: &[DVec3]) -> [[u32; 3]; 2] {
 }
 
 /// Takes vertices back towards their lattice nodes until every triangle is sound; on the lattice itself all are.
-fn sound(joined: &Joined, places_mm: Vec<DVec3>, lattice: &Lattice) -> Vec<DVec3> {
-    let mut places_mm = places_mm;
+fn sound(joined: &Joined, places: &[Placed], lattice: &Lattice) -> Vec<DVec3> {
+    let mut places_mm: Vec<DVec3> = places.iter().map(|place| place.at_mm).collect();
+    let is_sound = |quad: &Quad, places_mm: &[DVec3]| {
+        let outward =
+            quad.vertices.iter().map(|vertex| places[*vertex as usize].normal).sum::<DVec3>().normalize_or_zero();
+        halves(quad, places_mm).iter().all(|half| is_sound(*half, [quad.normal, outward], places_mm, lattice))
+    };
     for round in 0.. {
-        let mut unsound: Vec<u32> = joined
-            .quads
-            .iter()
-            .filter(|quad| halves(quad, &places_mm).iter().any(|half| !is_sound(*half, quad.normal, &places_mm, lattice)))
-            .flat_map(|quad| quad.vertices)
-            .collect();
+        let mut unsound: Vec<u32> =
+            joined.quads.iter().filter(|quad| !is_sound(quad, &places_mm)).flat_map(|quad| quad.vertices).collect();
         if unsound.is_empty() {
             break;
         }
@@ -75,19 +71,21 @@ fn sound(joined: &Joined, places_mm: Vec<DVec3>, lattice: &Lattice) -> Vec<DVec3
         unsound.dedup();
         let kept = if round < HALVINGS { 0.5 } else { 0.0 };
         for vertex in unsound {
-            let (node_mm, place_mm) =
-                (lattice.node_mm(joined.nodes[vertex as usize]), &mut places_mm[vertex as usize]);
+            let (node_mm, place_mm) = (lattice.node_mm(joined.nodes[vertex as usize]), &mut places_mm[vertex as usize]);
             *place_mm = node_mm + kept * (*place_mm - node_mm);
         }
     }
     places_mm
 }
 
-fn is_sound(triangle: [u32; 3], normal: DVec3, places_mm: &[DVec3], lattice: &Lattice) -> bool {
+/// A triangle has area and faces outward, by the normal of its quad on the lattice or by that of the surface: a riser between two
+/// terraces of a slope ends up in the slope.
+fn is_sound(triangle: [u32; 3], outward: [DVec3; 2], places_mm: &[DVec3], lattice: &Lattice) -> bool {
     let [a, b, c] = triangle.map(|vertex| places_mm[vertex as usize]);
     let area = (b - a).cross(c - a);
-    let on_lattice = lattice.cell_mm.element_product() / lattice.cell_mm.dot(normal.abs());
-    area.dot(normal) >= TURNED * area.length() && area.length() >= SHRUNK * on_lattice
+    let on_lattice = lattice.cell_mm.element_product() / lattice.cell_mm.dot(outward[0].abs());
+    let faces_outward = outward.iter().any(|outward| area.dot(*outward) >= TURNED * area.length());
+    faces_outward && area.length() >= SHRUNK * on_lattice
 }
 
 fn drop_unused_vertices(hull: &mut Hull) {

@@ -1,0 +1,85 @@
+//! `inspect`: what a file says of itself, and what its rays say. Users want these checks before they want a model.
+
+use super::progress::Progress;
+use super::table::{Table, count, flux, number, triple};
+use super::{Failure, file};
+use crate::pipeline::{Header, Inspection, Limits, Notice};
+use clap::Args;
+use std::path::PathBuf;
+
+/// Arguments of `inspect`.
+#[derive(Args)]
+pub struct Arguments {
+    /// The ray file.
+    file: PathBuf,
+    /// JSON instead of a table.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Reads the whole file once and prints what is in it.
+///
+/// # Errors
+/// A file that cannot be read or is refused.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let input = file::open(&arguments.file)?;
+    let progress = Progress::start();
+    let inspected = crate::pipeline::inspect(&input, &Limits::default(), &progress);
+    progress.finish();
+    let inspection = inspected.map_err(|error| Failure::from(error).at(&input.name))?;
+    if arguments.json {
+        let text = serde_json::to_string_pretty(&inspection);
+        println!("{}", text.map_err(|error| Failure::failed("inspect.json", error.to_string(), "Leave out --json."))?);
+    } else {
+        let mut table = Table::default();
+        table.row("file", ["name".into(), input.name.clone()]);
+        table.row("file", ["sha256".into(), input.sha256.clone()]);
+        header_rows(&mut table, &inspection.header);
+        ray_rows(&mut table, &inspection);
+        notice_rows(&mut table, &inspection.notices);
+        print!("{table}");
+    }
+    Ok(())
+}
+
+fn header_rows(table: &mut Table, header: &Header) {
+    table.row("file", ["format".into(), header.format.name().into()]);
+    table.row("file", ["bytes".into(), count(header.byte_count)]);
+    table.row("header", ["rays".into(), count(header.ray_count)]);
+    table.row("header", ["flux".into(), flux(header.flux)]);
+    table.row("header", ["spectrum".into(), header.spectrum.into()]);
+    if let Some((low, high)) = header.table_range_nm {
+        table.row("header", ["table".into(), format!("{} to {} nm", number(low), number(high))]);
+    }
+    for text in &header.texts {
+        table.row("header", [text.name.clone(), text.value.clone()]);
+    }
+}
+
+fn ray_rows(table: &mut Table, found: &Inspection) {
+    let [used, refused, dropped] = [found.rays_used, found.rays_refused, found.rays_dropped].map(count);
+    table.row("rays", ["used".into(), format!("{used}; refused {refused}, without flux {dropped}")]);
+    table.row("rays", ["flux".into(), flux(found.flux)]);
+    if let Some(ratio) = found.sum_over_header {
+        table.row("rays", ["sum/header".into(), number(ratio)]);
+    }
+    if let Some(efficacy) = found.lm_per_w {
+        table.row("rays", ["efficacy".into(), format!("{} lm/W", number(efficacy))]);
+    }
+    if let Some((low, high)) = found.wavelength_nm {
+        table.row("rays", ["wavelength".into(), format!("{} to {} nm", number(low), number(high))]);
+    }
+    let (min, max) = (found.origins_mm.min, found.origins_mm.max);
+    table.row("rays", ["origins".into(), format!("{} to {} mm", triple(min), triple(max))]);
+    table.row("rays", ["middle".into(), format!("{} mm", triple(found.centroid_mm))]);
+    let toward = found.hemispheres.iter().map(|side| format!("{} {:.2} %", side.axis.name(), 100.0 * side.share));
+    table.row("rays", ["toward".into(), toward.collect::<Vec<_>>().join(", ")]);
+}
+
+/// One line per notice.
+pub fn notice_rows(table: &mut Table, notices: &[Notice]) {
+    for notice in notices {
+        let first = notice.first_ray.map_or(String::new(), |ray| format!(", first at ray {ray}"));
+        table.row("notices", [format!("{} x {}{first}: {}", notice.code, notice.count, notice.message)]);
+    }
+}

@@ -1,0 +1,65 @@
+//! `sample`: known sources as ray files, for trying things out and for judging this and other programs.
+
+use super::table::Table;
+use super::{Failure, argument};
+use crate::pipeline::rays::synthetic::{self, KnownSource};
+use crate::pipeline::vocabulary::space::Axis;
+use clap::Args;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// Arguments of `sample`.
+#[derive(Args)]
+pub struct Arguments {
+    /// Which source; `--list` names them.
+    #[arg(required_unless_present = "list")]
+    name: Option<String>,
+    /// List the known sources.
+    #[arg(long, exclusive = true)]
+    list: bool,
+    /// How many rays.
+    #[arg(long, value_name = "N", default_value_t = 1_000_000, value_parser = clap::value_parser!(u64).range(1..))]
+    rays: u64,
+    /// The same seed gives the same bytes, on every machine.
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    seed: u64,
+    /// Where the source's +Z shall point: +X -X +Y -Y +Z -Z.
+    #[arg(long, value_name = "AXIS", default_value = "+Z", allow_hyphen_values = true, value_parser = argument::axis)]
+    axis: Axis,
+    /// The file to write [default: NAME.tm25ray].
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+/// Lists the known sources, or writes one.
+///
+/// # Errors
+/// A name that is none; a disk that says no.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let Some(name) = &arguments.name else {
+        print!("{}", catalogue());
+        return Ok(());
+    };
+    let unknown =
+        || Failure::usage("sample.unknown", "There is no such source.", "lampwright sample --list names them.");
+    let source = synthetic::by_name(name).ok_or_else(|| unknown().at(name))?.rotate(arguments.axis);
+    let path = arguments.output.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.tm25ray")));
+    write(&source, arguments, &path).map_err(|error| Failure::disk(&path, &error))?;
+    println!("{}: {} rays of {name}, seed {}", path.display(), arguments.rays, arguments.seed);
+    Ok(())
+}
+
+fn write(source: &KnownSource, arguments: &Arguments, path: &Path) -> std::io::Result<()> {
+    let mut file = BufWriter::new(File::create(path)?);
+    synthetic::write_tm25(source, arguments.rays, arguments.seed, &mut file)?;
+    file.flush()
+}
+
+fn catalogue() -> Table {
+    let mut table = Table::default();
+    for source in synthetic::all() {
+        table.row(source.name, [source.description.to_owned()]);
+    }
+    table
+}

@@ -1,0 +1,136 @@
+//! What handlers take from a request. Ours, because the libraries' own refuse in plain text.
+
+use super::problem::Problem;
+use axum::body::to_bytes;
+use axum::extract::{FromRequest, FromRequestParts, Request};
+use axum::http::header::CONTENT_TYPE;
+use axum::http::request::Parts;
+use serde::de::DeserializeOwned;
+
+/// Largest JSON body, bytes.
+const MAX_JSON_BYTES: usize = 64 << 10;
+
+/// A JSON body.
+pub struct Body<T>(pub T);
+
+impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Body<T> {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, _state: &S) -> Result<Body<T>, Problem> {
+        let media_type = request.headers().get(CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
+        let essence = media_type.split(';').next().unwrap_or_default().trim();
+        if !essence.eq_ignore_ascii_case("application/json") {
+            return Err(Problem::media_type(
+                format!("The body is {media_type:?}."),
+                "Send JSON with Content-Type: application/json.",
+            ));
+        }
+        let bytes = match to_bytes(request.into_body(), MAX_JSON_BYTES).await {
+            Ok(bytes) => bytes,
+            Err(error) if is_length_limit(&error) => return Err(Problem::body_too_large(MAX_JSON_BYTES as u64)),
+            Err(error) => return Err(Problem::body_truncated(&error.to_string())),
+        };
+        let mut json = serde_json::Deserializer::from_slice(&bytes);
+        let value = serde_path_to_error::deserialize(&mut json).map_err(|error| {
+            let path = error.path().to_string();
+            let inner = error.into_inner();
+            match inner.classify() {
+                serde_json::error::Category::Data => Problem::wrong_shape(&path, &without_place(&inner.to_string())),
+                _ => Problem::malformed_json(format!("{inner}.")),
+            }
+        })?;
+        json.end().map_err(|error| Problem::malformed_json(format!("{error}.")))?;
+        Ok(Body(value))
+    }
+}
+
+fn is_length_limit(error: &axum::Error) -> bool {
+    let mut cause = std::error::Error::source(error);
+    while let Some(inner) = cause {
+        if inner.is::<http_body_util::LengthLimitError>() {
+            return true;
+        }
+        cause = inner.source();
+    }
+    false
+}
+
+/// serde's sentence without " at line 1 column 2": the path says it better.
+fn without_place(sentence: &str) -> String {
+    sentence.rsplit_once(" at line ").map_or(sentence, |(sentence, _)| sentence).to_owned()
+}
+
+/// The placeholders of a path.
+pub struct Path<T>(pub T);
+
+impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for Path<T> {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Path<T>, Problem> {
+        match axum::extract::Path::<T>::from_request_parts(parts, state).await {
+            Ok(axum::extract::Path(path)) => Ok(Path(path)),
+            Err(rejection) => Err(Problem::malformed_path(rejection.body_text())),
+        }
+    }
+}
+
+/// The query.
+pub struct Query<T>(pub T);
+
+impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, _state: &S) -> Result<Query<T>, Problem> {
+        match axum::extract::Query::<T>::try_from_uri(&parts.uri) {
+            Ok(axum::extract::Query(query)) => Ok(Query(query)),
+            Err(rejection) => {
+                let sentence = std::error::Error::source(&rejection).map_or_else(String::new, ToString::to_string);
+                let (path, found) = sentence.split_once(": ").unwrap_or(("", &sentence));
+                // Without a path the sentence is all there is: "unknown field `x`, expected ..".
+                match path.contains(' ') {
+                    true => Err(Problem::wrong_shape("query", &sentence)),
+                    false => Err(Problem::wrong_shape(path, found)),
+                }
+            }
+        }
+    }
+}
+
+/// A page of a list, newest first.
+#[derive(Debug, serde::Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct Page {
+    /// Most entries to answer.
+    #[param(minimum = 1, maximum = 100, default = 20)]
+    #[serde(default = "Page::default_limit")]
+    pub limit: u32,
+    /// The `next` of the page before.
+    pub after: Option<String>,
+}
+
+impl Page {
+    /// What a client gets who does not say.
+    pub fn default_limit() -> u32 {
+        20
+    }
+
+    /// The limit, if it is one.
+    ///
+    /// # Errors
+    /// [`Problem`]: out of range.
+    pub fn limit(limit: u32) -> Result<usize, Problem> {
+        match limit {
+            1..=100 => Ok(limit as usize),
+            _ => Err(Problem::out_of_range("limit", "a whole number from 1 to 100")),
+        }
+    }
+}
+
+/// Cuts a list that was asked for one entry more than `limit`: the entries, and the id that the next page comes after.
+pub fn cut<T>(mut entries: Vec<T>, limit: usize, id: impl Fn(&T) -> &str) -> (Vec<T>, Option<String>) {
+    let more = entries.len() > limit;
+    entries.truncate(limit);
+    let next = entries.last().filter(|_| more).map(|last| id(last).to_owned());
+    (entries, next)
+}

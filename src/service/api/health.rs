@@ -1,0 +1,47 @@
+//! `/healthz`: the process lives. `/readyz`: it can do its work.
+
+use super::Api;
+use super::problem::Problem;
+use axum::Json;
+use axum::extract::State;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+/// That the service is well.
+#[derive(Serialize, ToSchema)]
+pub struct Health {
+    /// "ok".
+    status: &'static str,
+    /// Of the service.
+    version: &'static str,
+}
+
+const WELL: Health = Health { status: "ok", version: env!("CARGO_PKG_VERSION") };
+
+/// Tells that the process lives
+#[utoipa::path(
+    get, path = "/healthz", tag = "health", operation_id = "health",
+    responses((status = 200, body = Health, description = "it does"))
+)]
+pub async fn live() -> Json<Health> {
+    Json(WELL)
+}
+
+/// Tells whether the service can do its work
+///
+/// The database answers, the object store takes bytes, and it is not stopping.
+#[utoipa::path(
+    get, path = "/readyz", tag = "health", operation_id = "ready",
+    responses(
+        (status = 200, body = Health, description = "it can"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "it cannot"),
+        (status = 507, body = Problem, content_type = "application/problem+json", description = "no room for more"),
+    )
+)]
+pub async fn ready(State(api): State<Api>) -> Result<Json<Health>, Problem> {
+    if api.draining.is_cancelled() {
+        return Err(Problem::draining());
+    }
+    api.storage.check().await?;
+    Ok(Json(WELL))
+}

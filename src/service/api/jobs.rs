@@ -1,0 +1,293 @@
+//! `/v1/jobs`: what is to be computed, how far it is, and why it failed.
+
+use super::super::jobs::options::JobOptions;
+use super::super::jobs::{Failure, State as JobState, StoredNotice, query};
+use super::Api;
+use super::artifacts::href;
+use super::extract::{Body, Page, Path, Query, cut};
+use super::problem::Problem;
+use crate::pipeline::Stage;
+use axum::Json;
+use axum::extract::State;
+use axum::http::{StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// Most ray sets of one source.
+const MAX_RAY_SETS: usize = 8;
+/// Share of a run's time each stage takes, in the order of [`Stage::ALL`], per cent: measured on 10 million rays.
+const STAGE_WEIGHTS: [f64; 6] = [20.0, 15.0, 30.0, 30.0, 2.0, 3.0];
+
+/// A job to be.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NewJob {
+    /// Identifiers of the ray sets that are one source, in one frame.
+    #[schema(min_items = 1, max_items = 8)]
+    ray_sets: Vec<String>,
+    /// What to choose; what is left out is chosen from the rays.
+    #[serde(default)]
+    options: JobOptions,
+}
+
+/// A job.
+#[derive(Serialize, ToSchema)]
+pub struct Job {
+    /// Its identifier.
+    #[schema(format = Uuid)]
+    id: String,
+    /// Where it is.
+    state: JobState,
+    /// How much of it is done, 0 to 1.
+    #[schema(minimum = 0, maximum = 1)]
+    progress: f64,
+    /// The stage it is in; null before the first.
+    stage: Option<&'static str>,
+    /// Every stage, in order.
+    stages: Vec<StageProgress>,
+    /// Place in the queue from 1, while queued.
+    queue_position: Option<u64>,
+    /// How often it was begun.
+    attempt: u32,
+    /// Somebody asked to cancel it.
+    cancel_requested: bool,
+    /// The ray sets of its source.
+    ray_sets: Vec<String>,
+    /// What was chosen; null means from the rays.
+    options: JobOptions,
+    /// Why it failed, if it did.
+    problem: Option<JobProblem>,
+    /// What was repaired, dropped or odd, once it has succeeded.
+    notices: Vec<StoredNotice>,
+    /// When it was accepted, epoch ms.
+    created_ms: i64,
+    /// When it was last begun, epoch ms.
+    started_ms: Option<i64>,
+    /// When it ended, epoch ms.
+    finished_ms: Option<i64>,
+    /// Where things are.
+    links: JobLinks,
+}
+
+/// One stage's progress.
+#[derive(Serialize, ToSchema)]
+pub struct StageProgress {
+    /// rays, hull, flux, goniogram, model or artifacts.
+    name: &'static str,
+    /// How much of it is done, 0 to 1.
+    #[schema(minimum = 0, maximum = 1)]
+    progress: f64,
+}
+
+/// Why a job failed.
+#[derive(Serialize, ToSchema)]
+pub struct JobProblem {
+    /// Stable: programs may depend on it.
+    code: String,
+    /// The kind of failure, for a person.
+    title: String,
+    /// What was found.
+    detail: String,
+    /// Where: "byte 20", "option hull.resolution".
+    at: Option<String>,
+    /// What to do.
+    remedy: Option<String>,
+}
+
+impl From<Failure> for JobProblem {
+    fn from(Failure { code, title, detail, at, remedy }: Failure) -> JobProblem {
+        JobProblem { code, title, detail, at, remedy }
+    }
+}
+
+/// Where a job's things are.
+#[derive(Serialize, ToSchema)]
+pub struct JobLinks {
+    /// Itself.
+    #[serde(rename = "self")]
+    this: String,
+    /// POST here to cancel; null once it has ended.
+    cancel: Option<String>,
+    /// The list of its artifacts; null until it has succeeded.
+    artifacts: Option<String>,
+    /// All of them in one zip; null until it has succeeded.
+    zip: Option<String>,
+    /// Its ray sets.
+    ray_sets: Vec<String>,
+}
+
+/// Jobs, newest first.
+#[derive(Serialize, ToSchema)]
+pub struct JobList {
+    /// One page of them.
+    jobs: Vec<Job>,
+    /// The `after` of the next page; null on the last.
+    next: Option<String>,
+}
+
+impl From<query::Job> for Job {
+    fn from(row: query::Job) -> Job {
+        let stages = stages(&row);
+        let this = format!("/v1/jobs/{}", row.id);
+        let succeeded = row.state == JobState::Succeeded;
+        Job {
+            progress: stages.iter().zip(STAGE_WEIGHTS).map(|(stage, weight)| stage.progress * weight).sum::<f64>()
+                / STAGE_WEIGHTS.iter().sum::<f64>(),
+            stage: row.stage.map(Stage::name),
+            stages,
+            links: JobLinks {
+                cancel: (!row.state.ended()).then(|| format!("{this}/cancel")),
+                artifacts: succeeded.then(|| format!("{this}/artifacts")),
+                zip: succeeded.then(|| href(&row.id, super::super::jobs::worker::ZIP)),
+                ray_sets: row.ray_sets.iter().map(|id| format!("/v1/ray-sets/{id}")).collect(),
+                this,
+            },
+            id: row.id,
+            state: row.state,
+            queue_position: row.queue_position,
+            attempt: row.attempt,
+            cancel_requested: row.cancel_requested,
+            ray_sets: row.ray_sets,
+            options: row.options,
+            problem: row.failure.map(JobProblem::from),
+            notices: row.notices,
+            created_ms: row.created_ms,
+            started_ms: row.started_ms,
+            finished_ms: row.finished_ms,
+        }
+    }
+}
+
+fn stages(row: &query::Job) -> Vec<StageProgress> {
+    let done = |stage: Stage| match row.stage {
+        Some(reached) if stage == reached => row.stage_progress,
+        Some(reached) if stage < reached => 1.0,
+        _ => 0.0,
+    };
+    Stage::ALL.into_iter().map(|stage| StageProgress { name: stage.name(), progress: done(stage) }).collect()
+}
+
+/// Queues a job
+///
+/// Answered as soon as the job is safe: it will be done, whatever happens to this process.
+#[utoipa::path(
+    post, path = "/v1/jobs", tag = "jobs", operation_id = "create_job", request_body = NewJob,
+    responses(
+        (status = 202, body = Job, description = "accepted", headers(
+            ("Location" = String, description = "the job"), ("Retry-After" = u64, description = "when to look, s"))),
+        (status = 400, body = Problem, content_type = "application/problem+json", description = "not JSON"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such ray set"),
+        (status = 413, body = Problem, content_type = "application/problem+json", description = "the body is too large"),
+        (status = 415, body = Problem, content_type = "application/problem+json", description = "not JSON by its Content-Type"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "unknown field, wrong type, out of range"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, stopping, or a store that does not answer"),
+    )
+)]
+pub async fn create(State(api): State<Api>, Body(new): Body<NewJob>) -> Result<Response, Problem> {
+    if api.draining.is_cancelled() {
+        return Err(Problem::draining());
+    }
+    let mut unique = new.ray_sets.clone();
+    unique.sort_unstable();
+    unique.dedup();
+    if unique.len() != new.ray_sets.len() || !(1..=MAX_RAY_SETS).contains(&unique.len()) {
+        return Err(Problem::out_of_range("ray_sets", "1 to 8 different identifiers"));
+    }
+    new.options.resolve()?;
+    let id = api.queue.enqueue(&new.ray_sets, &new.options).await?;
+    accepted(&api, &id).await
+}
+
+/// Lists jobs, newest first
+#[utoipa::path(
+    get, path = "/v1/jobs", tag = "jobs", operation_id = "list_jobs", params(JobPage),
+    responses(
+        (status = 200, body = JobList, description = "one page"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "an unusable query"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+    )
+)]
+pub async fn list(State(api): State<Api>, Query(page): Query<JobPage>) -> Result<Json<JobList>, Problem> {
+    let limit = Page::limit(page.limit)?;
+    let rows = query::list(&api.storage.records, page.state, page.after.as_deref(), limit as i64 + 1).await?;
+    let (rows, next) = cut(rows, limit, |row| &row.id);
+    Ok(Json(JobList { jobs: rows.into_iter().map(Job::from).collect(), next }))
+}
+
+/// A page of the list of jobs.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct JobPage {
+    /// Only jobs in this state.
+    state: Option<JobState>,
+    /// Most entries to answer.
+    #[param(minimum = 1, maximum = 100, default = 20)]
+    #[serde(default = "Page::default_limit")]
+    limit: u32,
+    /// The `next` of the page before.
+    after: Option<String>,
+}
+
+/// Tells of a job
+#[utoipa::path(
+    get, path = "/v1/jobs/{id}", tag = "jobs", operation_id = "get_job",
+    params(("id" = String, Path, description = "the job")),
+    responses(
+        (status = 200, body = Job, description = "what is known of it"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+    )
+)]
+pub async fn get(State(api): State<Api>, Path(id): Path<String>) -> Result<Json<Job>, Problem> {
+    Ok(Json(find(&api, &id).await?.into()))
+}
+
+/// Cancels a job
+///
+/// A queued job ends at once, a running one within seconds.
+#[utoipa::path(
+    post, path = "/v1/jobs/{id}/cancel", tag = "jobs", operation_id = "cancel_job",
+    params(("id" = String, Path, description = "the job")),
+    responses(
+        (status = 202, body = Job, description = "it will be", headers(
+            ("Location" = String, description = "the job"), ("Retry-After" = u64, description = "when to look, s"))),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
+        (status = 409, body = Problem, content_type = "application/problem+json", description = "it has ended"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "a store that does not answer"),
+    )
+)]
+pub async fn cancel(State(api): State<Api>, Path(id): Path<String>) -> Result<Response, Problem> {
+    api.queue.cancel(&id).await?;
+    accepted(&api, &id).await
+}
+
+/// Deletes a job and its artifacts
+///
+/// Its ray sets stay.
+#[utoipa::path(
+    delete, path = "/v1/jobs/{id}", tag = "jobs", operation_id = "delete_job",
+    params(("id" = String, Path, description = "the job")),
+    responses(
+        (status = 204, description = "gone"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
+        (status = 409, body = Problem, content_type = "application/problem+json", description = "it has not ended"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "a store that does not answer"),
+    )
+)]
+pub async fn delete(State(api): State<Api>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
+    api.queue.delete(&id).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// The job `id`, or 404.
+pub async fn find(api: &Api, id: &str) -> Result<query::Job, Problem> {
+    query::get(&api.storage.records, id).await?.ok_or_else(|| Problem::no_job(id))
+}
+
+async fn accepted(api: &Api, id: &str) -> Result<Response, Problem> {
+    let job = Job::from(find(api, id).await?);
+    let headers = [(header::LOCATION, job.links.this.clone()), (header::RETRY_AFTER, "1".to_owned())];
+    Ok((StatusCode::ACCEPTED, headers, Json(job)).into_response())
+}

@@ -1,0 +1,294 @@
+//! Errors as clients see them (RFC 9457): the one place where an error becomes a status code.
+
+use super::super::jobs::options::OutOfRange;
+use super::super::jobs::{Failure, State, queue};
+use super::super::{storage, upload};
+use crate::pipeline;
+use axum::Json;
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use utoipa::ToSchema;
+
+/// The media type of every error.
+pub const MEDIA_TYPE: &str = "application/problem+json";
+
+/// What went wrong (RFC 9457).
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Problem {
+    /// `urn:lampwright:problem:<code>`.
+    #[serde(rename = "type")]
+    pub kind: String,
+    /// The kind of problem, for a person.
+    pub title: Cow<'static, str>,
+    /// The HTTP status.
+    pub status: u16,
+    /// What was found.
+    pub detail: String,
+    /// Stable: programs may depend on it.
+    pub code: Cow<'static, str>,
+    /// Where: "byte 20", "option hull.resolution", a path in the body.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub at: Option<String>,
+    /// What to do.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub remedy: Option<String>,
+}
+
+impl Problem {
+    fn new(
+        status: StatusCode,
+        code: impl Into<Cow<'static, str>>,
+        title: impl Into<Cow<'static, str>>,
+        detail: impl Into<String>,
+    ) -> Problem {
+        let (code, title) = (code.into(), title.into());
+        let kind = format!("urn:lampwright:problem:{code}");
+        Problem { kind, title, status: status.as_u16(), detail: detail.into(), code, at: None, remedy: None }
+    }
+
+    fn at(self, at: impl Into<String>) -> Problem {
+        Problem { at: Some(at.into()), ..self }
+    }
+
+    fn remedy(self, remedy: impl Into<String>) -> Problem {
+        Problem { remedy: Some(remedy.into()), ..self }
+    }
+
+    fn of(status: StatusCode, failure: Failure) -> Problem {
+        let problem = Problem::new(status, failure.code, failure.title, failure.detail);
+        Problem { at: failure.at, remedy: failure.remedy, ..problem }
+    }
+
+    /// No route has this path.
+    pub fn no_route(path: &str) -> Problem {
+        Problem::new(StatusCode::NOT_FOUND, "request.not_found", "No such address", format!("Nothing is at {path}."))
+            .remedy("See /docs.")
+    }
+
+    /// The path is there, the method is not; `Allow` names those that are.
+    pub fn method_not_allowed(method: &str) -> Problem {
+        let status = StatusCode::METHOD_NOT_ALLOWED;
+        Problem::new(
+            status,
+            "request.method_not_allowed",
+            "Method not allowed",
+            format!("{method} is not possible here."),
+        )
+        .remedy("See the Allow header.")
+    }
+
+    /// The path is not UTF-8.
+    pub fn malformed_path(detail: impl Into<String>) -> Problem {
+        Problem::new(StatusCode::BAD_REQUEST, "request.malformed_path", "The address is malformed", detail)
+    }
+
+    /// A header is not what it should be.
+    pub fn malformed_header(name: &str, detail: &str) -> Problem {
+        Problem::new(StatusCode::BAD_REQUEST, "request.malformed_header", "A header is malformed", detail).at(name)
+    }
+
+    /// The body is of the wrong kind.
+    pub fn media_type(detail: impl Into<String>, remedy: &str) -> Problem {
+        let status = StatusCode::UNSUPPORTED_MEDIA_TYPE;
+        Problem::new(status, "request.media_type", "Unsupported media type", detail).remedy(remedy)
+    }
+
+    /// A body larger than its route takes.
+    pub fn body_too_large(limit: u64) -> Problem {
+        let detail = format!("The body has more than {limit} bytes.");
+        Problem::new(StatusCode::PAYLOAD_TOO_LARGE, "request.body_too_large", "The body is too large", detail)
+    }
+
+    /// The body stopped short.
+    pub fn body_truncated(detail: &str) -> Problem {
+        let detail = format!("The body ended before its announced end: {detail}.");
+        Problem::new(StatusCode::BAD_REQUEST, "upload.truncated", "The body is incomplete", detail)
+            .remedy("Send it again.")
+    }
+
+    /// The body is not JSON.
+    pub fn malformed_json(detail: impl Into<String>) -> Problem {
+        Problem::new(StatusCode::BAD_REQUEST, "request.malformed_json", "The body is not JSON", detail)
+    }
+
+    /// JSON or query of the wrong shape: `path` is where, `found` is serde's sentence, which is where the kinds differ.
+    pub fn wrong_shape(path: &str, found: &str) -> Problem {
+        let (code, title) = if found.starts_with("unknown field") {
+            ("request.unknown_field", "Unknown field")
+        } else if found.starts_with("missing field") {
+            ("request.missing_field", "Missing field")
+        } else {
+            ("request.wrong_type", "Wrong value")
+        };
+        Problem::new(StatusCode::UNPROCESSABLE_ENTITY, code, title, format!("{found}.")).at(path)
+    }
+
+    /// A value of the right type and outside its range.
+    pub fn out_of_range(path: &str, must: &str) -> Problem {
+        let detail = format!("{path} must be {must}.");
+        Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "request.out_of_range", "Out of range", detail).at(path)
+    }
+
+    /// No such artifact.
+    pub fn no_artifact(name: &str) -> Problem {
+        let detail = format!("The job has no artifact {name:?}.");
+        Problem::new(StatusCode::NOT_FOUND, "artifact.not_found", "No such artifact", detail)
+            .remedy("See the job's list of artifacts; it is empty until the job has succeeded.")
+    }
+
+    /// No such ray set.
+    pub fn no_ray_set(id: &str) -> Problem {
+        Problem::new(
+            StatusCode::NOT_FOUND,
+            "ray_set.not_found",
+            "No such ray set",
+            format!("There is no ray set {id:?}."),
+        )
+    }
+
+    /// An unfinished job needs the ray set.
+    pub fn ray_set_needed(id: &str) -> Problem {
+        let detail = format!("An unfinished job needs the ray set {id}.");
+        Problem::new(StatusCode::CONFLICT, "ray_set.in_use", "The ray set is in use", detail)
+            .remedy("Cancel the job or wait for its end.")
+    }
+
+    /// No such job.
+    pub fn no_job(id: &str) -> Problem {
+        Problem::new(StatusCode::NOT_FOUND, "job.not_found", "No such job", format!("There is no job {id:?}."))
+    }
+
+    fn job_state(state: State) -> Problem {
+        let (code, title, remedy) = match state.ended() {
+            true => ("job.ended", "The job has ended", "Nothing can change it any more; it can be deleted."),
+            false => ("job.unfinished", "The job has not ended", "Cancel it first."),
+        };
+        Problem::new(StatusCode::CONFLICT, code, title, format!("The job is {}.", state.name())).remedy(remedy)
+    }
+
+    /// A range outside the file.
+    pub fn range_not_satisfiable(byte_count: u64) -> Problem {
+        let detail = format!("The file has {byte_count} bytes.");
+        let status = StatusCode::RANGE_NOT_SATISFIABLE;
+        Problem::new(status, "artifact.range_not_satisfiable", "Range not satisfiable", detail)
+    }
+
+    /// More requests at once than are served.
+    pub fn busy() -> Problem {
+        let detail = "Too many requests of this kind are being served.";
+        Problem::new(StatusCode::SERVICE_UNAVAILABLE, "service.busy", "The service is busy", detail)
+            .remedy("Try again after the time in Retry-After.")
+    }
+
+    /// The service is stopping.
+    pub fn draining() -> Problem {
+        let detail = "The service is stopping and takes nothing new.";
+        Problem::new(StatusCode::SERVICE_UNAVAILABLE, "service.stopping", "The service is stopping", detail)
+            .remedy("Try again after the time in Retry-After.")
+    }
+
+    /// A request that took too long.
+    pub fn timeout() -> Problem {
+        let detail = "The answer took too long.";
+        Problem::new(StatusCode::GATEWAY_TIMEOUT, "request.timeout", "Timeout", detail).remedy("Try again.")
+    }
+
+    /// A fault of ours. What it was is in the log, not in the answer.
+    pub fn internal() -> Problem {
+        let detail = "The service met a fault of its own.";
+        Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "service.internal", "Internal error", detail)
+            .remedy("Report it with the request id of this response.")
+    }
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let status = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+        let mut response = (status, Json(self)).into_response();
+        let headers = response.headers_mut();
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(MEDIA_TYPE));
+        if status == StatusCode::SERVICE_UNAVAILABLE {
+            headers.insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
+        }
+        response
+    }
+}
+
+impl From<storage::Error> for Problem {
+    fn from(error: storage::Error) -> Problem {
+        tracing::error!(%error, "a store failed");
+        if matches!(error, storage::Error::Full) {
+            let detail = "There is no room for more.";
+            return Problem::new(StatusCode::INSUFFICIENT_STORAGE, "storage.full", "The store is full", detail)
+                .remedy("Delete jobs and ray sets, or make room.");
+        }
+        let detail = "The service's store does not answer.";
+        Problem::new(StatusCode::SERVICE_UNAVAILABLE, "storage.unavailable", "The store does not answer", detail)
+            .remedy("Try again after the time in Retry-After.")
+    }
+}
+
+impl From<pipeline::Error> for Problem {
+    fn from(error: pipeline::Error) -> Problem {
+        use pipeline::Error;
+        let status = match &error {
+            Error::Malformed(_) => StatusCode::BAD_REQUEST,
+            Error::Refused(_) | Error::Unusable(_) => StatusCode::UNPROCESSABLE_ENTITY,
+            Error::Cancelled | Error::Unreadable(_) => StatusCode::INTERNAL_SERVER_ERROR,
+        };
+        Problem::of(status, Failure::from(&error))
+    }
+}
+
+impl From<upload::Error> for Problem {
+    fn from(error: upload::Error) -> Problem {
+        use upload::Error;
+        match error {
+            Error::TooLarge(limit) => Problem::new(
+                StatusCode::PAYLOAD_TOO_LARGE,
+                "upload.too_large",
+                "The file is too large",
+                format!("The largest file taken has {limit} bytes."),
+            )
+            .remedy("Send fewer rays, or ask the operator for a larger limit."),
+            Error::Empty => Problem::new(StatusCode::BAD_REQUEST, "upload.empty", "The body is empty", "No byte came.")
+                .remedy("Send the ray file as the body, e.g. curl --data-binary @file."),
+            Error::Truncated(detail) => Problem::body_truncated(&detail),
+            Error::Idle(limit) => Problem::new(
+                StatusCode::REQUEST_TIMEOUT,
+                "upload.idle",
+                "The upload fell silent",
+                format!("No byte came for {} s.", limit.as_secs_f64()),
+            )
+            .remedy("Send it again."),
+            Error::Digest { announced, found } => Problem::new(
+                StatusCode::BAD_REQUEST,
+                "upload.digest_mismatch",
+                "The digest does not match",
+                format!("The SHA-256 of what came is {found}, announced was {announced}."),
+            )
+            .remedy("Send it again."),
+            Error::Unfit(error) => error.into(),
+            Error::Storage(error) => error.into(),
+        }
+    }
+}
+
+impl From<queue::Error> for Problem {
+    fn from(error: queue::Error) -> Problem {
+        match error {
+            queue::Error::Missing(id) => Problem::no_job(&id),
+            queue::Error::MissingRaySet(id) => Problem::no_ray_set(&id),
+            queue::Error::State(state) => Problem::job_state(state),
+            queue::Error::Storage(error) => error.into(),
+        }
+    }
+}
+
+impl From<OutOfRange> for Problem {
+    fn from(error: OutOfRange) -> Problem {
+        Problem::out_of_range(&format!("options.{}", error.option), error.must)
+    }
+}

@@ -1,0 +1,298 @@
+//! `/v1/ray-sets`: ray files, as they came.
+
+use super::super::storage::ray_set_folder;
+use super::super::storage::ray_sets::{self, Deletion};
+use super::super::upload::Announcement;
+use super::Api;
+use super::extract::{Page, Path, Query, cut};
+use super::problem::Problem;
+use axum::Json;
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderName, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD as BASE64;
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+const MAX_NAME_CHARS: usize = 255;
+
+/// A ray file as it was taken in.
+#[derive(Serialize, ToSchema)]
+pub struct RaySet {
+    /// Its identifier.
+    #[schema(format = Uuid)]
+    id: String,
+    /// What it was called.
+    name: String,
+    /// Its length, bytes.
+    byte_count: u64,
+    /// SHA-256 of its bytes, lower-case hex.
+    sha256: String,
+    /// What it says of itself: format, ray count, totals, spectrum, texts.
+    #[schema(value_type = Object)]
+    header: serde_json::Value,
+    /// When it was complete, epoch ms.
+    created_ms: i64,
+    /// Where it is.
+    links: RaySetLinks,
+}
+
+/// Where a ray set is.
+#[derive(Serialize, ToSchema)]
+pub struct RaySetLinks {
+    /// Itself.
+    #[serde(rename = "self")]
+    this: String,
+}
+
+/// Ray sets, newest first.
+#[derive(Serialize, ToSchema)]
+pub struct RaySetList {
+    /// One page of them.
+    ray_sets: Vec<RaySet>,
+    /// The `after` of the next page; null on the last.
+    next: Option<String>,
+}
+
+impl From<ray_sets::RaySet> for RaySet {
+    fn from(row: ray_sets::RaySet) -> RaySet {
+        RaySet {
+            links: RaySetLinks { this: format!("/v1/ray-sets/{}", row.id) },
+            id: row.id,
+            name: row.name,
+            byte_count: row.byte_count,
+            sha256: row.sha256,
+            header: serde_json::from_str(&row.header).unwrap_or_default(),
+            created_ms: row.created_ms,
+        }
+    }
+}
+
+/// How an upload is called.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct Naming {
+    /// What to call it; goes before `Content-Disposition`, decides nothing.
+    #[param(max_length = 255)]
+    name: Option<String>,
+}
+
+/// Takes in a ray file
+///
+/// The body is the file. It is refused as soon as its beginning is wrong, and kept only when all of it is right.
+#[utoipa::path(
+    post, path = "/v1/ray-sets", tag = "ray sets", operation_id = "upload_ray_set",
+    params(
+        Naming,
+        ("Repr-Digest" = Option<String>, Header, description = "`sha-256=:<base64>:` (RFC 9530): verified when sent"),
+        ("Content-Digest" = Option<String>, Header, description = "as Repr-Digest"),
+    ),
+    request_body(content = inline(super::Binary), content_type = "application/octet-stream", description = "IES TM-25 or Zemax binary"),
+    responses(
+        (status = 201, body = RaySet, description = "taken in", headers(("Location" = String, description = "the ray set"))),
+        (status = 400, body = Problem, content_type = "application/problem+json", description = "malformed file, header or query; truncated body; wrong digest"),
+        (status = 408, body = Problem, content_type = "application/problem+json", description = "the upload fell silent"),
+        (status = 413, body = Problem, content_type = "application/problem+json", description = "larger than this service takes"),
+        (status = 415, body = Problem, content_type = "application/problem+json", description = "a form or an encoded body"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "a file that is refused; an unusable query"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, stopping, or a store that does not answer"),
+        (status = 507, body = Problem, content_type = "application/problem+json", description = "no room for more"),
+    )
+)]
+pub async fn upload(
+    State(api): State<Api>,
+    Query(naming): Query<Naming>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Response, Problem> {
+    if api.draining.is_cancelled() {
+        return Err(Problem::draining());
+    }
+    let announcement = announcement(naming.name, &headers)?;
+    if announcement.byte_count.is_some_and(|bytes| bytes > api.intake.max_bytes) {
+        return Err(super::super::upload::Error::TooLarge(api.intake.max_bytes).into());
+    }
+    // A task of its own: when the client goes away this handler is dropped, and what was stored must still be cleaned up.
+    let taken = tokio::spawn(async move { api.intake.take(announcement, body.into_data_stream()).await });
+    let row = taken.await.map_err(|error| {
+        tracing::error!(%error, "an upload stopped");
+        Problem::internal()
+    })??;
+    let ray_set = RaySet::from(row);
+    let location = [(header::LOCATION, ray_set.links.this.clone())];
+    Ok((StatusCode::CREATED, location, Json(ray_set)).into_response())
+}
+
+/// Lists ray sets, newest first
+#[utoipa::path(
+    get, path = "/v1/ray-sets", tag = "ray sets", operation_id = "list_ray_sets", params(Page),
+    responses(
+        (status = 200, body = RaySetList, description = "one page"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "an unusable query"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+    )
+)]
+pub async fn list(State(api): State<Api>, Query(page): Query<Page>) -> Result<Json<RaySetList>, Problem> {
+    let limit = Page::limit(page.limit)?;
+    let rows = ray_sets::list(&api.storage.records, page.after.as_deref(), limit as i64 + 1).await?;
+    let (rows, next) = cut(rows, limit, |row| &row.id);
+    Ok(Json(RaySetList { ray_sets: rows.into_iter().map(RaySet::from).collect(), next }))
+}
+
+/// Tells of a ray set
+#[utoipa::path(
+    get, path = "/v1/ray-sets/{id}", tag = "ray sets", operation_id = "get_ray_set",
+    params(("id" = String, Path, description = "the ray set")),
+    responses(
+        (status = 200, body = RaySet, description = "what is known of it"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+    )
+)]
+pub async fn get(State(api): State<Api>, Path(id): Path<String>) -> Result<Json<RaySet>, Problem> {
+    let row = ray_sets::get(&api.storage.records, &id).await?;
+    Ok(Json(row.ok_or_else(|| Problem::no_ray_set(&id))?.into()))
+}
+
+/// Deletes a ray set
+///
+/// Jobs that have ended keep their artifacts.
+#[utoipa::path(
+    delete, path = "/v1/ray-sets/{id}", tag = "ray sets", operation_id = "delete_ray_set",
+    params(("id" = String, Path, description = "the ray set")),
+    responses(
+        (status = 204, description = "gone"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
+        (status = 409, body = Problem, content_type = "application/problem+json", description = "an unfinished job needs it"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "a store that does not answer"),
+    )
+)]
+pub async fn delete(State(api): State<Api>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
+    match ray_sets::delete(&api.storage.records, &id).await? {
+        Deletion::Missing => Err(Problem::no_ray_set(&id)),
+        Deletion::Needed => Err(Problem::ray_set_needed(&id)),
+        Deletion::Deleted => {
+            api.storage.blobs.delete_all(&ray_set_folder(&id)).await?;
+            Ok(StatusCode::NO_CONTENT)
+        }
+    }
+}
+
+/// What the headers and the query say of the file to come.
+fn announcement(name: Option<String>, headers: &HeaderMap) -> Result<Announcement, Problem> {
+    let text = |name: HeaderName| headers.get(&name).and_then(|value| value.to_str().ok());
+    let media_type = text(header::CONTENT_TYPE).unwrap_or_default().to_ascii_lowercase();
+    if media_type.starts_with("multipart/") || media_type.starts_with("application/x-www-form-urlencoded") {
+        let remedy = "Send the file itself as the body, e.g. curl --data-binary @file -H 'Content-Type: application/octet-stream'.";
+        return Err(Problem::media_type(format!("The body is {media_type:?}."), remedy));
+    }
+    if let Some(encoding) = text(header::CONTENT_ENCODING).filter(|encoding| *encoding != "identity") {
+        let found = format!("The body is encoded as {encoding:?}.");
+        return Err(Problem::media_type(found, "Send the file as it is, without Content-Encoding."));
+    }
+    let byte_count = match text(header::CONTENT_LENGTH).map(str::parse) {
+        Some(Err(_)) => return Err(Problem::malformed_header("Content-Length", "It is not a number.")),
+        Some(Ok(bytes)) => Some(bytes),
+        None => None,
+    };
+    let mut sha256 = Vec::new();
+    for name in ["repr-digest", "content-digest"] {
+        for value in headers.get_all(name) {
+            sha256.extend(digest(name, value.to_str().unwrap_or_default())?);
+        }
+    }
+    let name = name.or_else(|| text(header::CONTENT_DISPOSITION).and_then(file_name)).unwrap_or_default();
+    Ok(Announcement { name: plain(&name)?, byte_count, sha256 })
+}
+
+/// The SHA-256 in a digest header, as hex; other algorithms are left alone.
+fn digest(header: &str, value: &str) -> Result<Option<String>, Problem> {
+    let members = value.split(',').filter_map(|member| member.trim().split_once('='));
+    let Some((_, value)) = members.into_iter().find(|(algorithm, _)| *algorithm == "sha-256") else {
+        return Ok(None);
+    };
+    let wrong = || Problem::malformed_header(header, "sha-256 is not 32 bytes in base64 between colons.");
+    let inner = value.strip_prefix(':').and_then(|value| value.strip_suffix(':')).ok_or_else(wrong)?;
+    let bytes = BASE64.decode(inner).map_err(|_| wrong())?;
+    if bytes.len() != 32 {
+        return Err(wrong());
+    }
+    Ok(Some(super::super::jobs::worker::hex(&bytes)))
+}
+
+/// The file name in a `Content-Disposition` (RFC 6266), `filename*` before `filename`.
+fn file_name(disposition: &str) -> Option<String> {
+    let parameter = |wanted: &str| {
+        disposition.split(';').filter_map(|part| part.trim().split_once('=')).find_map(|(name, value)| {
+            name.trim().eq_ignore_ascii_case(wanted).then(|| value.trim().trim_matches('"').to_owned())
+        })
+    };
+    let extended = parameter("filename*").and_then(|value| {
+        let encoded = value.get(..7).filter(|start| start.eq_ignore_ascii_case("utf-8''")).and(value.get(7..))?;
+        Some(percent_decoded(encoded))
+    });
+    extended.or_else(|| parameter("filename"))
+}
+
+fn percent_decoded(text: &str) -> String {
+    let mut bytes = Vec::new();
+    let mut rest = text.bytes();
+    while let Some(byte) = rest.next() {
+        let mut ahead = rest.clone();
+        let digits = [ahead.next(), ahead.next()].map(|digit| digit.and_then(|digit| char::from(digit).to_digit(16)));
+        match (byte, digits) {
+            (b'%', [Some(high), Some(low)]) => {
+                bytes.push((high * 16 + low) as u8);
+                rest = ahead;
+            }
+            _ => bytes.push(byte),
+        }
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+/// A name without folders and control characters.
+fn plain(name: &str) -> Result<String, Problem> {
+    let last = name.rsplit(['/', '\\']).next().unwrap_or_default();
+    let clean: String = last.chars().filter(|c| !c.is_control()).collect();
+    if clean.chars().count() > MAX_NAME_CHARS {
+        return Err(Problem::out_of_range("name", "at most 255 characters long"));
+    }
+    Ok(if clean.is_empty() { "rays".to_owned() } else { clean })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_name_is_the_one_meant() {
+        // RFC 6266 section 5 and RFC 8187 section 3.2.2, the examples there.
+        assert_eq!(file_name(r#"Attachment; filename=example.html"#).as_deref(), Some("example.html"));
+        assert_eq!(file_name(r#"attachment; filename= "foo bar.ray""#).as_deref(), Some("foo bar.ray"));
+        let both = "attachment; filename=\"EURO rates\"; filename*=utf-8''%e2%82%ac%20rates";
+        assert_eq!(file_name(both).as_deref(), Some("€ rates"));
+        assert_eq!(file_name("inline"), None);
+        assert_eq!(percent_decoded("100%"), "100%");
+        assert_eq!(plain("../../etc/pass\u{7}wd").ok().as_deref(), Some("passwd"));
+        assert_eq!(plain("C:\\rays\\led.dat").ok().as_deref(), Some("led.dat"));
+        assert_eq!(plain("").ok().as_deref(), Some("rays"));
+        assert_eq!(plain(&"x".repeat(256)).map_err(|problem| problem.code).unwrap_err(), "request.out_of_range");
+    }
+
+    #[test]
+    fn a_digest_header_is_read_as_rfc_9530_writes_it() {
+        // RFC 9530 appendix B.1: {"hello": "world"} and a line end.
+        let example = "sha-256=:RK/0qy18MlBSVnWgjwz6lZEWjP/lF5HF9bvEF8FabDg=:";
+        let hex = "44aff4ab2d7c3250525675a08f0cfa9591168cffe51791c5f5bbc417c15a6c38";
+        assert_eq!(digest("repr-digest", example).unwrap().as_deref(), Some(hex));
+        assert_eq!(digest("repr-digest", &format!("sha-512=:eA==:, {example}")).unwrap().as_deref(), Some(hex));
+        assert_eq!(digest("repr-digest", "sha-512=:eA==:").unwrap(), None);
+        for wrong in ["sha-256=abc", "sha-256=:eA==:", "sha-256=:!!:", "sha-256="] {
+            assert_eq!(digest("repr-digest", wrong).unwrap_err().code, "request.malformed_header", "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! Jobs: what states they have, which changes are legal, and who makes them.
+
+/// What a client may choose, as sent and as stored.
+pub mod options;
+/// What is known of jobs; changes nothing.
+pub mod query;
+/// Every change of a job's state.
+pub mod queue;
+/// Takes jobs from the queue and computes them.
+pub mod worker;
+
+use crate::pipeline;
+use pipeline::{Fault, Notice};
+use serde::{Deserialize, Serialize};
+
+/// Where a job is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum State {
+    /// Waits for a worker.
+    Queued,
+    /// A worker has it.
+    Running,
+    /// Its artifacts are there.
+    Succeeded,
+    /// It has a problem.
+    Failed,
+    /// Nobody wants it any more.
+    Cancelled,
+}
+
+/// The only legal changes, and who makes them. `queue` has a statement for each.
+pub const TRANSITIONS: [(State, State, &str); 7] = [
+    (State::Queued, State::Running, "claim"),
+    (State::Queued, State::Cancelled, "cancel"),
+    (State::Running, State::Succeeded, "finish"),
+    (State::Running, State::Failed, "fail; sweep, when attempts are used up"),
+    (State::Running, State::Cancelled, "stop; sweep, when asked before the worker was lost"),
+    (State::Running, State::Queued, "release; sweep, when the worker was lost"),
+    (State::Running, State::Running, "beat"),
+];
+
+impl State {
+    /// All.
+    pub const ALL: [State; 5] = [State::Queued, State::Running, State::Succeeded, State::Failed, State::Cancelled];
+
+    /// The word in rows, requests and responses.
+    pub fn name(self) -> &'static str {
+        match self {
+            State::Queued => "queued",
+            State::Running => "running",
+            State::Succeeded => "succeeded",
+            State::Failed => "failed",
+            State::Cancelled => "cancelled",
+        }
+    }
+
+    /// Reads what [`State::name`] writes.
+    pub fn parse(name: &str) -> Option<State> {
+        State::ALL.into_iter().find(|state| state.name() == name)
+    }
+
+    /// Nothing changes it any more.
+    pub fn ended(self) -> bool {
+        !TRANSITIONS.iter().any(|(from, _, _)| *from == self)
+    }
+}
+
+/// Why a job failed, as stored and told.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Failure {
+    /// Stable: programs may depend on it.
+    pub code: String,
+    /// The kind of failure, for a person.
+    pub title: String,
+    /// What was found.
+    pub detail: String,
+    /// Where: "byte 20", "option hull.resolution".
+    pub at: Option<String>,
+    /// What to do.
+    pub remedy: Option<String>,
+}
+
+impl Failure {
+    /// The worker disappeared more often than a job may be begun.
+    pub fn worker_lost(attempts: u32) -> Failure {
+        Failure {
+            code: "job.worker_lost".into(),
+            title: "The worker was lost".into(),
+            detail: format!("The process that computed this job disappeared {attempts} times."),
+            at: None,
+            remedy: Some("See the service's log and memory; this input may need more than there is.".into()),
+        }
+    }
+
+    /// The computation hit a fault of ours.
+    pub fn panicked(message: &str) -> Failure {
+        Failure {
+            code: "job.panicked".into(),
+            title: "The computation hit a fault of ours".into(),
+            detail: format!("It stopped with: {message}"),
+            at: None,
+            remedy: Some("Report it, with this ray set if it can be shared.".into()),
+        }
+    }
+
+    /// A stored job that this version cannot read.
+    pub fn unreadable_job(detail: impl Into<String>) -> Failure {
+        Failure {
+            code: "job.unreadable".into(),
+            title: "The stored job cannot be read".into(),
+            detail: detail.into(),
+            at: None,
+            remedy: Some("Submit it again.".into()),
+        }
+    }
+
+    fn of(title: &str, fault: &Fault) -> Failure {
+        Failure {
+            code: fault.code.into(),
+            title: title.into(),
+            detail: fault.found.clone(),
+            at: fault.at.as_ref().map(ToString::to_string),
+            remedy: Some(fault.remedy.clone()),
+        }
+    }
+}
+
+impl From<&pipeline::Error> for Failure {
+    fn from(error: &pipeline::Error) -> Failure {
+        use pipeline::Error;
+        let bare = |title: &str, remedy: &str| Failure {
+            code: error.code().into(),
+            title: title.into(),
+            detail: error.to_string(),
+            at: None,
+            remedy: Some(remedy.into()),
+        };
+        match error {
+            Error::Malformed(fault) => Failure::of("The ray file is malformed", fault),
+            Error::Refused(fault) => Failure::of("The ray set is refused", fault),
+            Error::Unusable(fault) => Failure::of("The options cannot be used", fault),
+            Error::Cancelled => bare("The job was stopped", "Submit it again."),
+            Error::Unreadable(_) => bare("The stored bytes could not be read", "Try again; see the service's log."),
+        }
+    }
+}
+
+/// A [`Notice`] as stored and told.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[schema(as = Notice)]
+pub struct StoredNotice {
+    /// Stable: programs may depend on it.
+    pub code: String,
+    /// How often.
+    pub count: u64,
+    /// Index of the first ray it happened to, from 0; null where it concerns no single ray.
+    pub first_ray: Option<u64>,
+    /// What was found and what was done.
+    pub message: String,
+}
+
+impl From<&Notice> for StoredNotice {
+    fn from(notice: &Notice) -> StoredNotice {
+        StoredNotice {
+            code: notice.code.into(),
+            count: notice.count,
+            first_ray: notice.first_ray,
+            message: notice.message.clone(),
+        }
+    }
+}

@@ -1,0 +1,254 @@
+//! What a client may choose, as sent and as stored. Every field may be left out; what is left out is the pipeline's
+//! default. Ranges are checked here, before anything is queued; what depends on the rays the pipeline checks.
+
+use crate::pipeline::{self, artifacts, hull, vocabulary};
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// A choice that cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OutOfRange {
+    /// Path of the option, dots between names.
+    pub option: &'static str,
+    /// What it must be.
+    pub must: &'static str,
+}
+
+/// Everything a client may choose.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct JobOptions {
+    /// How rays are read.
+    pub rays: RaysOptions,
+    /// How emission points become a surface.
+    pub hull: HullOptions,
+    /// How rays are laid on the surface.
+    pub flux: FluxOptions,
+    /// How zones and their goniograms are made.
+    pub goniogram: GoniogramOptions,
+    /// How results are written.
+    pub artifacts: ArtifactsOptions,
+}
+
+/// How rays are read.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RaysOptions {
+    /// Edges of the spectral bands, nm: 2 to 4097, positive, strictly increasing. Default: 380 to 780 in 10 nm, wider
+    /// where the rays are.
+    #[schema(min_items = 2, max_items = 4097, example = json!([380.0, 480.0, 580.0, 680.0, 780.0]))]
+    pub band_edges_nm: Option<Vec<f64>>,
+}
+
+/// How emission points become a surface.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct HullOptions {
+    /// Where light is taken to start. Default: origins.
+    pub emission: Option<Emission>,
+    /// Cells along the longest edge of the emission's box. Default: from the number of rays.
+    #[schema(minimum = 4, maximum = 256)]
+    pub resolution: Option<u32>,
+    /// Longest edge of a stitched or filled triangle, mm. Default: from the cell size.
+    #[schema(exclusive_minimum = 0.0)]
+    pub max_edge_mm: Option<f64>,
+}
+
+/// How rays are laid on the surface.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct FluxOptions {
+    /// Smooths the exitance. Default: true.
+    pub smoothing: Option<bool>,
+}
+
+/// How zones and their goniograms are made.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct GoniogramOptions {
+    /// The zone lattice. Default: from the density of the rays, at most 16 zones.
+    pub zones: Option<Zones>,
+    /// The source axis at γ = 0. Default: the one nearest the direction of maximum intensity.
+    pub nadir_axis: Option<AxisName>,
+    /// The source axis at C0; not the nadir's own. Default: the next one in cyclic order.
+    pub c0_axis: Option<AxisName>,
+    /// Step of γ, degrees; divides 180. Default: from the beam's width.
+    #[schema(minimum = 0.5, maximum = 30)]
+    pub gamma_step_deg: Option<f64>,
+    /// Step of C, degrees; divides 360. Default: 10.
+    #[schema(minimum = 1, maximum = 90)]
+    pub c_step_deg: Option<f64>,
+    /// Smooths on the grid. Default: true.
+    pub smoothing: Option<bool>,
+}
+
+/// How results are written.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ArtifactsOptions {
+    /// Where vertex spectra go in the glTF. Default: auto.
+    pub spectra: Option<Spectra>,
+    /// Edition of the IES files. Default: LM-63-2002.
+    pub ies_edition: Option<IesEdition>,
+}
+
+/// A regular lattice of zones.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Zones {
+    /// Zones along C0.
+    #[schema(minimum = 1, maximum = 32)]
+    pub columns: u32,
+    /// Zones along C90.
+    #[schema(minimum = 1, maximum = 32)]
+    pub rows: u32,
+}
+
+/// Where light is taken to start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Emission {
+    /// The ray origins as given.
+    Origins,
+}
+
+/// A signed axis of the source frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum AxisName {
+    #[serde(rename = "+X")]
+    PosX,
+    #[serde(rename = "-X")]
+    NegX,
+    #[serde(rename = "+Y")]
+    PosY,
+    #[serde(rename = "-Y")]
+    NegY,
+    #[serde(rename = "+Z")]
+    PosZ,
+    #[serde(rename = "-Z")]
+    NegZ,
+}
+
+/// Where vertex spectra go in the glTF.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Spectra {
+    /// In both places, up to 2 million numbers; above, in attributes.
+    Auto,
+    /// Attributes and extras.
+    Both,
+    /// Vertex attributes only.
+    Attributes,
+    /// Extras only.
+    Extras,
+}
+
+/// Edition of LM-63.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub enum IesEdition {
+    /// What every reader accepts.
+    #[serde(rename = "LM-63-2002")]
+    Lm63Of2002,
+    /// The newest.
+    #[serde(rename = "LM-63-2019")]
+    Lm63Of2019,
+}
+
+impl JobOptions {
+    /// The pipeline's own words for it.
+    ///
+    /// # Errors
+    /// [`OutOfRange`]: the first choice that no ray set could make right.
+    pub fn resolve(&self) -> Result<pipeline::Options, OutOfRange> {
+        self.check()?;
+        let mut options = pipeline::Options::default();
+        options.rays.band_edges_nm = self.rays.band_edges_nm.clone();
+        if let Some(Emission::Origins) = self.hull.emission {
+            options.hull.emission = hull::Emission::Origins;
+        }
+        options.hull.resolution = self.hull.resolution;
+        options.hull.max_edge_mm = self.hull.max_edge_mm;
+        put(&mut options.flux.smoothing, self.flux.smoothing);
+        let goniogram = &self.goniogram;
+        options.goniogram.zones = goniogram.zones.map(|zones| (zones.columns, zones.rows));
+        options.goniogram.nadir = goniogram.nadir_axis.map(AxisName::axis);
+        options.goniogram.c0 = goniogram.c0_axis.map(AxisName::axis);
+        options.goniogram.gamma_step_deg = goniogram.gamma_step_deg;
+        options.goniogram.c_step_deg = goniogram.c_step_deg;
+        put(&mut options.goniogram.smoothing, goniogram.smoothing);
+        put(&mut options.artifacts.spectra, self.artifacts.spectra.map(Spectra::spectra));
+        put(&mut options.artifacts.ies_edition, self.artifacts.ies_edition.map(IesEdition::edition));
+        Ok(options)
+    }
+
+    fn check(&self) -> Result<(), OutOfRange> {
+        let fits = |fits: bool, option, must| if fits { Ok(()) } else { Err(OutOfRange { option, must }) };
+        let goniogram = &self.goniogram;
+        let bands = self
+            .rays
+            .band_edges_nm
+            .as_ref()
+            .is_none_or(|edges| edges.len() <= 4097 && vocabulary::spectrum::Bands::new(edges.clone()).is_some());
+        fits(bands, "rays.band_edges_nm", "2 to 4097 positive numbers, strictly increasing")?;
+        let resolution = self.hull.resolution.is_none_or(|cells| (4..=256).contains(&cells));
+        fits(resolution, "hull.resolution", "a whole number from 4 to 256")?;
+        let edge = self.hull.max_edge_mm.is_none_or(|edge| edge.is_finite() && edge > 0.0);
+        fits(edge, "hull.max_edge_mm", "a positive number")?;
+        let count = |pick: fn(Zones) -> u32| goniogram.zones.map(pick).is_none_or(|n| (1..=32).contains(&n));
+        fits(count(|zones| zones.columns), "goniogram.zones.columns", "a whole number from 1 to 32")?;
+        fits(count(|zones| zones.rows), "goniogram.zones.rows", "a whole number from 1 to 32")?;
+        let divides = |step: Option<f64>, low: f64, high: f64, whole: f64| {
+            step.is_none_or(|step| step >= low && step <= high && ((whole / step).round() * step - whole).abs() < 1e-9)
+        };
+        let gamma = divides(goniogram.gamma_step_deg, 0.5, 30.0, 180.0);
+        fits(gamma, "goniogram.gamma_step_deg", "a number from 0.5 to 30 that divides 180")?;
+        let c = divides(goniogram.c_step_deg, 1.0, 90.0, 360.0);
+        fits(c, "goniogram.c_step_deg", "a number from 1 to 90 that divides 360")?;
+        let axes = match (goniogram.nadir_axis, goniogram.c0_axis) {
+            (Some(nadir), Some(c0)) => nadir.axis().component() != c0.axis().component(),
+            _ => true,
+        };
+        fits(axes, "goniogram.c0_axis", "across the nadir axis")
+    }
+}
+
+fn put<T>(place: &mut T, choice: Option<T>) {
+    if let Some(choice) = choice {
+        *place = choice;
+    }
+}
+
+impl AxisName {
+    fn axis(self) -> vocabulary::space::Axis {
+        use vocabulary::space::Axis;
+        match self {
+            AxisName::PosX => Axis::PosX,
+            AxisName::NegX => Axis::NegX,
+            AxisName::PosY => Axis::PosY,
+            AxisName::NegY => Axis::NegY,
+            AxisName::PosZ => Axis::PosZ,
+            AxisName::NegZ => Axis::NegZ,
+        }
+    }
+}
+
+impl Spectra {
+    fn spectra(self) -> artifacts::Spectra {
+        match self {
+            Spectra::Auto => artifacts::Spectra::Auto,
+            Spectra::Both => artifacts::Spectra::Both,
+            Spectra::Attributes => artifacts::Spectra::Attributes,
+            Spectra::Extras => artifacts::Spectra::Extras,
+        }
+    }
+}
+
+impl IesEdition {
+    fn edition(self) -> artifacts::IesEdition {
+        match self {
+            IesEdition::Lm63Of2002 => artifacts::IesEdition::Lm63Of2002,
+            IesEdition::Lm63Of2019 => artifacts::IesEdition::Lm63Of2019,
+        }
+    }
+}

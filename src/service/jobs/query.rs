@@ -1,0 +1,156 @@
+//! What is known of jobs; changes nothing.
+
+use super::super::storage::Error;
+use super::super::storage::records::{Records, Row, sql};
+use super::options::JobOptions;
+use super::{Failure, State, StoredNotice};
+use crate::pipeline::Stage;
+
+/// A job as its rows have it.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// UUIDv7.
+    pub id: String,
+    /// Where it is.
+    pub state: State,
+    /// The ray sets of its source, in order.
+    pub ray_sets: Vec<String>,
+    /// What the client chose.
+    pub options: JobOptions,
+    /// How often it was begun.
+    pub attempt: u32,
+    /// Somebody asked to cancel it.
+    pub cancel_requested: bool,
+    /// The stage it is in; `None` before the first.
+    pub stage: Option<Stage>,
+    /// How much of that stage is done, 0..=1.
+    pub stage_progress: f64,
+    /// Place in the queue from 1, while queued.
+    pub queue_position: Option<u64>,
+    /// Why it failed, if so.
+    pub failure: Option<Failure>,
+    /// What was repaired, dropped or odd, once succeeded.
+    pub notices: Vec<StoredNotice>,
+    /// When it was accepted, epoch ms.
+    pub created_ms: i64,
+    /// When it was last begun, epoch ms.
+    pub started_ms: Option<i64>,
+    /// When it ended, epoch ms.
+    pub finished_ms: Option<i64>,
+}
+
+/// A file a job gave.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StoredArtifact {
+    /// Path in the zip.
+    pub name: String,
+    /// Media type.
+    pub media_type: String,
+    /// Length, bytes.
+    pub byte_count: u64,
+    /// SHA-256, lower-case hex.
+    pub sha256: String,
+    /// Key of its blob.
+    pub blob: String,
+}
+
+const SELECT_ONE: &str = "SELECT jobs.*, \
+    (SELECT COUNT(*) FROM jobs ahead WHERE ahead.state = 'queued' AND ahead.id <= jobs.id) AS position \
+    FROM jobs WHERE id = $1";
+const SELECT_MANY: &str = "SELECT jobs.*, \
+    (SELECT COUNT(*) FROM jobs ahead WHERE ahead.state = 'queued' AND ahead.id <= jobs.id) AS position \
+    FROM jobs WHERE ($1 IS NULL OR state = $1) AND ($2 IS NULL OR id < $2) ORDER BY id DESC LIMIT $3";
+
+/// The job `id`, if there is one.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn get(records: &Records, id: &str) -> Result<Option<Job>, Error> {
+    match records.read_one(sql(SELECT_ONE).bind(id)).await? {
+        Some(row) => Ok(Some(job(records, &row).await?)),
+        None => Ok(None),
+    }
+}
+
+/// At most `limit` jobs older than the one called `before`, newest first; only those in `state` if given.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn list(
+    records: &Records,
+    state: Option<State>,
+    before: Option<&str>,
+    limit: i64,
+) -> Result<Vec<Job>, Error> {
+    let mut jobs = Vec::new();
+    let select = sql(SELECT_MANY).bind(state.map(State::name)).bind(before).bind(limit);
+    for row in records.read(select).await? {
+        jobs.push(job(records, &row).await?);
+    }
+    Ok(jobs)
+}
+
+/// The ray sets of a job, in order.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn inputs(records: &Records, id: &str) -> Result<Vec<String>, Error> {
+    let select = sql("SELECT ray_set_id FROM job_inputs WHERE job_id = $1 ORDER BY position").bind(id);
+    records.read(select).await?.iter().map(|row| row.text("ray_set_id")).collect()
+}
+
+/// The files of a job, in the order of the zip.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn artifacts(records: &Records, id: &str) -> Result<Vec<StoredArtifact>, Error> {
+    let select = sql("SELECT * FROM artifacts WHERE job_id = $1 ORDER BY position").bind(id);
+    records.read(select).await?.iter().map(artifact).collect()
+}
+
+/// One file of a job, if it has it.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn artifact_named(records: &Records, id: &str, name: &str) -> Result<Option<StoredArtifact>, Error> {
+    let select = sql("SELECT * FROM artifacts WHERE job_id = $1 AND name = $2").bind(id).bind(name);
+    records.read_one(select).await?.as_ref().map(artifact).transpose()
+}
+
+async fn job(records: &Records, row: &Row) -> Result<Job, Error> {
+    let id = row.text("id")?;
+    let state = row.text("state")?;
+    let state = State::parse(&state).ok_or_else(|| Error::Records(format!("job state {state:?}").into()))?;
+    let stage = row.optional_text("stage")?;
+    let failure = row.optional_text("failure")?;
+    Ok(Job {
+        ray_sets: inputs(records, &id).await?,
+        id,
+        state,
+        options: stored(&row.text("options")?)?,
+        attempt: u32::try_from(row.number("attempt")?).unwrap_or(0),
+        cancel_requested: row.number("cancel_requested")? != 0,
+        stage: stage.and_then(|name| Stage::ALL.into_iter().find(|stage| stage.name() == name)),
+        stage_progress: row.real("stage_progress")?,
+        queue_position: (state == State::Queued).then(|| row.count("position")).transpose()?,
+        failure: failure.as_deref().map(stored).transpose()?,
+        notices: stored(&row.text("notices")?)?,
+        created_ms: row.number("created_ms")?,
+        started_ms: row.optional_number("started_ms")?,
+        finished_ms: row.optional_number("finished_ms")?,
+    })
+}
+
+fn artifact(row: &Row) -> Result<StoredArtifact, Error> {
+    Ok(StoredArtifact {
+        name: row.text("name")?,
+        media_type: row.text("media_type")?,
+        byte_count: row.count("byte_count")?,
+        sha256: row.text("sha256")?,
+        blob: row.text("blob")?,
+    })
+}
+
+fn stored<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, Error> {
+    serde_json::from_str(text).map_err(|error| Error::Records(Box::new(error)))
+}

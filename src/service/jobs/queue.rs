@@ -1,0 +1,281 @@
+//! Every change of a job's state, one statement each. At least once begun, exactly once published: a worker's write names
+//! the fence its claim gave it, and zero rows changed means that the lease was lost and the result is nobody's.
+
+use super::super::storage::records::sql;
+use super::super::storage::{self, Storage, job_folder, new_id};
+use super::options::JobOptions;
+use super::query::{self, StoredArtifact};
+use super::{Failure, State, StoredNotice};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::Notify;
+
+/// Why a job cannot be changed so.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// There is no such job.
+    #[error("there is no job {0}")]
+    Missing(String),
+    /// There is no such ray set.
+    #[error("there is no ray set {0}")]
+    MissingRaySet(String),
+    /// The job is in a state from which this is not legal.
+    #[error("the job is {}", .0.name())]
+    State(State),
+    /// A store did not answer.
+    #[error(transparent)]
+    Storage(#[from] storage::Error),
+}
+
+/// A job taken by this worker, until its lease ends.
+#[derive(Clone, Debug)]
+pub struct Claim {
+    /// The job.
+    pub id: String,
+    /// Names this claim among all of the job's.
+    pub fence: i64,
+    /// How often it was begun, this time included.
+    pub attempt: i64,
+    /// The client's choice, as stored.
+    pub options: String,
+}
+
+impl Claim {
+    /// Where this attempt may write blobs.
+    pub fn folder(&self) -> String {
+        format!("{}/{}", job_folder(&self.id), self.fence)
+    }
+}
+
+/// What a beat brings back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Beat {
+    /// Go on.
+    Go,
+    /// A client asked to cancel.
+    Cancel,
+    /// The lease is another's; stop, and keep nothing.
+    Lost,
+}
+
+/// The queue as one process sees it. Cheap to clone.
+#[derive(Clone)]
+pub struct Queue {
+    storage: Storage,
+    /// Fresh per start: a name that comes back would make a dead worker look alive.
+    owner: String,
+    lease_ms: i64,
+    max_attempts: u32,
+    wake: Arc<Notify>,
+}
+
+impl Queue {
+    /// The queue in `storage`, under a fresh name.
+    pub fn new(storage: Storage, lease: Duration, max_attempts: u32) -> Queue {
+        let lease_ms = i64::try_from(lease.as_millis()).unwrap_or(i64::MAX);
+        Queue { storage, owner: new_id(), lease_ms, max_attempts, wake: Arc::new(Notify::new()) }
+    }
+
+    /// Resolves when a job may be ready in this process; another process's are found by polling.
+    pub async fn woken(&self) {
+        self.wake.notified().await;
+    }
+
+    /// Accepts a job: from here on it will be done, whatever happens to this process.
+    ///
+    /// # Errors
+    /// [`Error::MissingRaySet`], [`Error::Storage`].
+    pub async fn enqueue(&self, ray_sets: &[String], options: &JobOptions) -> Result<String, Error> {
+        let id = new_id();
+        let mut transaction = self.storage.records.begin().await?;
+        let insert = "INSERT INTO jobs (id, state, options, attempt, max_attempts, fence, cancel_requested, \
+                      stage_progress, notices, created_ms) VALUES ($1, 'queued', $2, 0, $3, 0, 0, 0, '[]', {now})";
+        let insert = sql(insert).bind(id.as_str()).bind(json(options)?).bind(i64::from(self.max_attempts));
+        transaction.write(insert).await?;
+        for (position, ray_set) in ray_sets.iter().enumerate() {
+            let insert = "INSERT INTO job_inputs (job_id, position, ray_set_id) \
+                          SELECT $1, $2, id FROM ray_sets WHERE id = $3";
+            let insert = sql(insert).bind(id.as_str()).bind(position as i64).bind(ray_set.as_str());
+            if transaction.write(insert).await? == 0 {
+                return Err(Error::MissingRaySet(ray_set.clone()));
+            }
+        }
+        transaction.commit().await?;
+        self.wake.notify_one();
+        Ok(id)
+    }
+
+    /// Takes the oldest waiting job, after giving back what lost workers held.
+    ///
+    /// # Errors
+    /// The database did not answer.
+    pub async fn claim(&self) -> Result<Option<Claim>, storage::Error> {
+        self.sweep().await?;
+        let claim = "UPDATE jobs SET state = 'running', attempt = attempt + 1, fence = fence + 1, lease_owner = $1, \
+                     lease_until_ms = {now} + $2, stage = NULL, stage_progress = 0, started_ms = {now} \
+                     WHERE id = (SELECT id FROM jobs WHERE state = 'queued' ORDER BY id LIMIT 1 {skip_locked}) \
+                     RETURNING id, fence, attempt, options";
+        let claim = sql(claim).bind(self.owner.as_str()).bind(self.lease_ms);
+        let mut transaction = self.storage.records.begin().await?;
+        let rows = transaction.read(claim).await?;
+        transaction.commit().await?;
+        let Some(row) = rows.first() else { return Ok(None) };
+        Ok(Some(Claim {
+            id: row.text("id")?,
+            fence: row.number("fence")?,
+            attempt: row.number("attempt")?,
+            options: row.text("options")?,
+        }))
+    }
+
+    /// Renews the lease, tells of progress, hears of a cancellation.
+    ///
+    /// # Errors
+    /// The database did not answer.
+    pub async fn beat(&self, claim: &Claim, stage: Option<&str>, progress: f64) -> Result<Beat, storage::Error> {
+        let beat = "UPDATE jobs SET lease_until_ms = {now} + $1, stage = $2, stage_progress = $3 \
+                    WHERE id = $4 AND fence = $5 AND state = 'running' RETURNING cancel_requested";
+        let beat = sql(beat).bind(self.lease_ms).bind(stage).bind(progress);
+        let mut transaction = self.storage.records.begin().await?;
+        let rows = transaction.read(beat.bind(claim.id.as_str()).bind(claim.fence)).await?;
+        transaction.commit().await?;
+        match rows.first() {
+            None => Ok(Beat::Lost),
+            Some(row) if row.number("cancel_requested")? != 0 => Ok(Beat::Cancel),
+            Some(_) => Ok(Beat::Go),
+        }
+    }
+
+    /// Publishes a result: its artifacts become visible and the job succeeds, together. False when the lease was lost or a
+    /// cancellation came first.
+    ///
+    /// # Errors
+    /// The database did not answer: it may or may not be so, and asking again is right.
+    pub async fn finish(
+        &self,
+        claim: &Claim,
+        artifacts: &[StoredArtifact],
+        notices: &[StoredNotice],
+    ) -> Result<bool, storage::Error> {
+        let mut transaction = self.storage.records.begin().await?;
+        let finish = "UPDATE jobs SET state = 'succeeded', notices = $1, stage = 'artifacts', stage_progress = 1, \
+                      lease_owner = NULL, lease_until_ms = NULL, finished_ms = {now} \
+                      WHERE id = $2 AND fence = $3 AND state = 'running' AND cancel_requested = 0";
+        let finish = sql(finish).bind(json(notices)?).bind(claim.id.as_str()).bind(claim.fence);
+        if transaction.write(finish).await? == 0 {
+            drop(transaction);
+            return self.finished_before(claim).await;
+        }
+        for (position, artifact) in artifacts.iter().enumerate() {
+            let insert = "INSERT INTO artifacts (job_id, position, name, media_type, byte_count, sha256, blob) \
+                          VALUES ($1, $2, $3, $4, $5, $6, $7)";
+            let insert = sql(insert).bind(claim.id.as_str()).bind(position as i64).bind(artifact.name.as_str());
+            let insert = insert.bind(artifact.media_type.as_str()).bind(artifact.byte_count.cast_signed());
+            transaction.write(insert.bind(artifact.sha256.as_str()).bind(artifact.blob.as_str())).await?;
+        }
+        transaction.commit().await?;
+        Ok(true)
+    }
+
+    /// True when this very claim was finished by a call whose answer was lost.
+    async fn finished_before(&self, claim: &Claim) -> Result<bool, storage::Error> {
+        let select = sql("SELECT id FROM jobs WHERE id = $1 AND fence = $2 AND state = 'succeeded'");
+        let row = self.storage.records.read_one(select.bind(claim.id.as_str()).bind(claim.fence)).await?;
+        Ok(row.is_some())
+    }
+
+    /// Ends a job without a result.
+    ///
+    /// # Errors
+    /// The database did not answer.
+    pub async fn fail(&self, claim: &Claim, failure: &Failure) -> Result<bool, storage::Error> {
+        let fail = "UPDATE jobs SET state = 'failed', failure = $1, lease_owner = NULL, lease_until_ms = NULL, \
+                    finished_ms = {now} WHERE id = $2 AND fence = $3 AND state = 'running'";
+        let fail = sql(fail).bind(json(failure)?).bind(claim.id.as_str()).bind(claim.fence);
+        Ok(self.storage.records.write(fail).await? > 0)
+    }
+
+    /// Ends a running job that a client asked to cancel.
+    ///
+    /// # Errors
+    /// The database did not answer.
+    pub async fn stop(&self, claim: &Claim) -> Result<bool, storage::Error> {
+        let stop = "UPDATE jobs SET state = 'cancelled', lease_owner = NULL, lease_until_ms = NULL, \
+                    finished_ms = {now} WHERE id = $1 AND fence = $2 AND state = 'running' AND cancel_requested = 1";
+        Ok(self.storage.records.write(sql(stop).bind(claim.id.as_str()).bind(claim.fence)).await? > 0)
+    }
+
+    /// Gives a running job back untried: this process stops, the job is not at fault.
+    ///
+    /// # Errors
+    /// The database did not answer.
+    pub async fn release(&self, claim: &Claim) -> Result<bool, storage::Error> {
+        let release = "UPDATE jobs SET state = CASE WHEN cancel_requested = 1 THEN 'cancelled' ELSE 'queued' END, \
+                       finished_ms = CASE WHEN cancel_requested = 1 THEN {now} END, attempt = attempt - 1, \
+                       lease_owner = NULL, lease_until_ms = NULL, stage = NULL, stage_progress = 0 \
+                       WHERE id = $1 AND fence = $2 AND state = 'running'";
+        Ok(self.storage.records.write(sql(release).bind(claim.id.as_str()).bind(claim.fence)).await? > 0)
+    }
+
+    /// Asks to cancel: a queued job ends at once, a running one at its worker's next beat.
+    ///
+    /// # Errors
+    /// [`Error::Missing`]; [`Error::State`] when it has ended; [`Error::Storage`].
+    pub async fn cancel(&self, id: &str) -> Result<(), Error> {
+        let cancel = "UPDATE jobs SET cancel_requested = 1, \
+                      finished_ms = CASE state WHEN 'queued' THEN {now} ELSE finished_ms END, \
+                      state = CASE state WHEN 'queued' THEN 'cancelled' ELSE state END \
+                      WHERE id = $1 AND state IN ('queued', 'running')";
+        if self.storage.records.write(sql(cancel).bind(id)).await? > 0 {
+            return Ok(());
+        }
+        Err(self.refusal(id).await?)
+    }
+
+    /// Forgets an ended job: rows first, then blobs.
+    ///
+    /// # Errors
+    /// [`Error::Missing`]; [`Error::State`] when it has not ended; [`Error::Storage`].
+    pub async fn delete(&self, id: &str) -> Result<(), Error> {
+        let delete = "DELETE FROM jobs WHERE id = $1 AND state IN ('succeeded', 'failed', 'cancelled')";
+        if self.storage.records.write(sql(delete).bind(id)).await? == 0 {
+            return Err(self.refusal(id).await?);
+        }
+        Ok(self.storage.blobs.delete_all(&job_folder(id)).await?)
+    }
+
+    async fn refusal(&self, id: &str) -> Result<Error, storage::Error> {
+        let job = query::get(&self.storage.records, id).await?;
+        Ok(job.map_or_else(|| Error::Missing(id.to_owned()), |job| Error::State(job.state)))
+    }
+
+    /// Ends the lease of every running job: only right when no other process can be running any.
+    ///
+    /// # Errors
+    /// The database did not answer.
+    pub async fn recover(&self) -> Result<(), storage::Error> {
+        self.storage.records.write(sql("UPDATE jobs SET lease_until_ms = 0 WHERE state = 'running'")).await?;
+        self.sweep().await
+    }
+
+    /// Takes back jobs whose lease has ended. Never this process's own: its worker may only have been slow to beat.
+    async fn sweep(&self) -> Result<(), storage::Error> {
+        let sweep = "UPDATE jobs SET \
+                     state = CASE WHEN cancel_requested = 1 THEN 'cancelled' WHEN attempt >= max_attempts \
+                             THEN 'failed' ELSE 'queued' END, \
+                     failure = CASE WHEN cancel_requested = 0 AND attempt >= max_attempts THEN $1 END, \
+                     finished_ms = CASE WHEN cancel_requested = 1 OR attempt >= max_attempts THEN {now} END, \
+                     lease_owner = NULL, lease_until_ms = NULL, stage = NULL, stage_progress = 0 \
+                     WHERE state = 'running' AND lease_until_ms < {now} AND lease_owner <> $2";
+        let lost = json(&Failure::worker_lost(self.max_attempts))?;
+        let swept = self.storage.records.write(sql(sweep).bind(lost).bind(self.owner.as_str())).await?;
+        if swept > 0 {
+            tracing::warn!(jobs = swept, "took back jobs of lost workers");
+        }
+        Ok(())
+    }
+}
+
+fn json<T: serde::Serialize + ?Sized>(value: &T) -> Result<String, storage::Error> {
+    serde_json::to_string(value).map_err(|error| storage::Error::Records(Box::new(error)))
+}

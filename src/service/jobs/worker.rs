@@ -1,0 +1,346 @@
+//! Takes jobs from the queue and computes them: the only caller of [`pipeline::run`], on threads that serve nobody else.
+
+use super::super::storage::parts::Parts;
+use super::super::storage::{self, Storage, ray_sets};
+use super::options::JobOptions;
+use super::query::{self, StoredArtifact};
+use super::queue::{Beat, Claim, Queue};
+use super::{Failure, StoredNotice};
+use crate::pipeline::{self, Artifact, Input, Limits, Notice, Stage, Watch};
+use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
+use sha2::{Digest, Sha256};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Duration;
+use tokio::runtime::Handle;
+use tokio::task::{JoinError, JoinSet, spawn_blocking};
+use tokio::time::{MissedTickBehavior, interval, sleep};
+use tokio_util::sync::CancellationToken;
+
+/// The artifact that holds all others.
+pub const ZIP: &str = "model.zip";
+
+/// What a job is computed into.
+#[derive(Debug, Default)]
+pub struct Product {
+    /// Its files, [`ZIP`] last.
+    pub artifacts: Vec<Artifact>,
+    /// What was repaired, dropped or odd.
+    pub notices: Vec<Notice>,
+}
+
+/// Computes a job. Blocks; called on a rayon pool.
+pub type Runner =
+    Arc<dyn Fn(&[Input], &pipeline::Options, &Limits, &dyn Watch) -> Result<Product, pipeline::Error> + Send + Sync>;
+
+/// The runner of every real service: [`pipeline::run`], and the zip of what it gave.
+pub fn pipeline_runner() -> Runner {
+    Arc::new(|inputs, options, limits, watch| {
+        let outcome = pipeline::run(inputs, options, limits, watch)?;
+        let mut artifacts = outcome.artifacts;
+        let zip = pipeline::artifacts::zip(&artifacts)?;
+        artifacts.push(Artifact { name: ZIP.into(), media_type: "application/zip", bytes: zip });
+        Ok(Product { artifacts, notices: outcome.model.notices })
+    })
+}
+
+/// What a worker needs. Cheap to clone.
+#[derive(Clone)]
+pub struct Worker {
+    /// Where bytes are.
+    pub storage: Storage,
+    /// Where jobs are.
+    pub queue: Queue,
+    /// How they are computed.
+    pub runner: Runner,
+    /// What a ray file may ask of this machine.
+    pub limits: Limits,
+    /// How often an idle worker looks.
+    pub poll: Duration,
+    /// How often a busy one beats.
+    pub beat: Duration,
+    /// Take no more jobs.
+    pub stop: CancellationToken,
+    /// Give back those at hand.
+    pub release: CancellationToken,
+}
+
+/// How a computation ended.
+enum Ending {
+    Published(Vec<StoredArtifact>, Vec<StoredNotice>),
+    Failed(Failure),
+    /// It saw that nobody wants it.
+    Stopped,
+}
+
+/// Why a computation was told to stop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Order {
+    None,
+    Cancel,
+    Release,
+    Lost,
+}
+
+impl Worker {
+    /// Works on `concurrency` jobs at once, each on `threads` threads, until told to stop.
+    ///
+    /// # Errors
+    /// The threads cannot be had.
+    pub fn spawn(self, concurrency: usize, threads: usize) -> Result<JoinSet<()>, ThreadPoolBuildError> {
+        let mut slots = JoinSet::new();
+        for slot in 0..concurrency.max(1) {
+            let name = move |thread: usize| format!("pipeline-{slot}-{thread}");
+            // A pool per job: on a shared one, a long job would keep every thread and starve the other.
+            let pool = Arc::new(ThreadPoolBuilder::new().num_threads(threads.max(1)).thread_name(name).build()?);
+            slots.spawn(self.clone().slot(pool));
+        }
+        Ok(slots)
+    }
+
+    async fn slot(self, pool: Arc<ThreadPool>) {
+        while !self.stop.is_cancelled() {
+            match self.queue.claim().await {
+                Ok(Some(claim)) => {
+                    self.attempt(&claim, Arc::clone(&pool)).await;
+                    continue;
+                }
+                Ok(None) => {}
+                Err(error) => tracing::error!(%error, "cannot look for jobs"),
+            }
+            tokio::select! {
+                () = self.queue.woken() => {}
+                () = sleep(self.poll) => {}
+                () = self.stop.cancelled() => {}
+            }
+        }
+    }
+
+    /// One attempt at a job, from claim to the row that ends it.
+    async fn attempt(&self, claim: &Claim, pool: Arc<ThreadPool>) {
+        tracing::info!(job = claim.id, attempt = claim.attempt, "job begun");
+        let progress = Arc::new(Progress::default());
+        // Dropped with this future, when the service is: a thread cannot be stopped, only told.
+        let _stop_when_dropped = StopOnDrop(Arc::clone(&progress));
+        let work = self.work(claim, pool, Arc::clone(&progress));
+        let (ending, order) = self.mind(claim, &progress, work).await;
+        let word = match (&ending, order) {
+            (_, Order::Lost) => "lost",
+            (_, Order::Cancel) => {
+                self.insist("stop", || self.queue.stop(claim)).await;
+                "cancelled"
+            }
+            (Ending::Stopped, Order::Release) => {
+                self.insist("release", || self.queue.release(claim)).await;
+                "released"
+            }
+            (Ending::Published(artifacts, notices), _) => self.finish(claim, artifacts, notices).await,
+            (Ending::Failed(failure), _) => {
+                self.insist("fail", || self.queue.fail(claim, failure)).await;
+                "failed"
+            }
+            (Ending::Stopped, Order::None) => {
+                let failure = Failure::from(&pipeline::Error::Cancelled);
+                self.insist("fail", || self.queue.fail(claim, &failure)).await;
+                "failed"
+            }
+        };
+        if !matches!(word, "succeeded") {
+            self.forget(claim).await;
+        }
+        tracing::info!(job = claim.id, attempt = claim.attempt, ending = word, "job ended");
+    }
+
+    async fn finish(&self, claim: &Claim, artifacts: &[StoredArtifact], notices: &[StoredNotice]) -> &'static str {
+        if self.insist("finish", || self.queue.finish(claim, artifacts, notices)).await {
+            return "succeeded";
+        }
+        // Cancelled between the last beat and now, or another's.
+        if self.insist("stop", || self.queue.stop(claim)).await { "cancelled" } else { "lost" }
+    }
+
+    /// Waits for `work`, renewing the lease and passing on what the clients and the operator want.
+    async fn mind(&self, claim: &Claim, progress: &Progress, work: impl Future<Output = Ending>) -> (Ending, Order) {
+        let mut order = Order::None;
+        let mut ticker = interval(self.beat);
+        ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut work = std::pin::pin!(work);
+        loop {
+            tokio::select! {
+                ending = &mut work => return (ending, order),
+                () = self.release.cancelled(), if order == Order::None => order = Order::Release,
+                _ = ticker.tick() => {
+                    let (stage, fraction) = progress.read();
+                    match self.queue.beat(claim, stage.map(Stage::name), fraction).await {
+                        Ok(Beat::Go) => {}
+                        Ok(Beat::Cancel) => order = Order::Cancel,
+                        Ok(Beat::Lost) => order = Order::Lost,
+                        Err(error) => tracing::warn!(job = claim.id, %error, "beat failed"),
+                    }
+                }
+            }
+            if order != Order::None {
+                progress.stop();
+            }
+        }
+    }
+
+    /// Computes and stores; nothing of it is visible until the queue says so.
+    async fn work(&self, claim: &Claim, pool: Arc<ThreadPool>, progress: Arc<Progress>) -> Ending {
+        let options: JobOptions = match serde_json::from_str(&claim.options) {
+            Ok(options) => options,
+            Err(error) => return Ending::Failed(Failure::unreadable_job(error.to_string())),
+        };
+        let options = match options.resolve() {
+            Ok(options) => options,
+            Err(error) => {
+                return Ending::Failed(Failure::unreadable_job(format!("{} must be {}.", error.option, error.must)));
+            }
+        };
+        let inputs = match self.inputs(claim).await {
+            Ok(inputs) => inputs,
+            Err(error) => {
+                return Ending::Failed(Failure::from(&pipeline::Error::Unreadable(std::io::Error::other(error))));
+            }
+        };
+        let (runner, limits, watch) = (Arc::clone(&self.runner), self.limits, Arc::clone(&progress));
+        let run = move || {
+            let product = pool.install(|| runner(&inputs, &options, &limits, watch.as_ref()))?;
+            let digests = product.artifacts.iter().map(|artifact| hex(&Sha256::digest(&artifact.bytes))).collect();
+            Ok((product, digests))
+        };
+        match spawn_blocking(run).await {
+            Ok(Ok((product, digests))) => self.publish(claim, product, digests, &progress).await,
+            Ok(Err(pipeline::Error::Cancelled)) => Ending::Stopped,
+            Ok(Err(error)) => Ending::Failed(Failure::from(&error)),
+            Err(error) => Ending::Failed(Failure::panicked(&panic_message(error))),
+        }
+    }
+
+    async fn inputs(&self, claim: &Claim) -> Result<Vec<Input>, storage::Error> {
+        let mut inputs = Vec::new();
+        for id in query::inputs(&self.storage.records, &claim.id).await? {
+            let missing = || storage::Error::Records(format!("ray set {id} of job {} is gone", claim.id).into());
+            let ray_set = ray_sets::get(&self.storage.records, &id).await?.ok_or_else(missing)?;
+            let parts = ray_sets::parts(&self.storage.records, &id).await?;
+            let bytes = Arc::new(Parts::new(self.storage.blobs.clone(), parts, Handle::current()));
+            inputs.push(Input { name: ray_set.name, sha256: ray_set.sha256, bytes });
+        }
+        Ok(inputs)
+    }
+
+    /// Stores the files of this attempt under its own fence.
+    async fn publish(&self, claim: &Claim, product: Product, digests: Vec<String>, progress: &Progress) -> Ending {
+        let notices = product.notices.iter().map(StoredNotice::from).collect();
+        let mut stored = Vec::new();
+        for (artifact, sha256) in product.artifacts.into_iter().zip(digests) {
+            let blob = format!("{}/{:04}", claim.folder(), stored.len());
+            let byte_count = artifact.bytes.len() as u64;
+            let bytes = bytes::Bytes::from(artifact.bytes);
+            while let Err(error) = self.storage.blobs.put(&blob, bytes.clone()).await {
+                tracing::error!(job = claim.id, blob, %error, "cannot store an artifact; trying again");
+                if progress.cancelled() {
+                    return Ending::Stopped;
+                }
+                sleep(self.beat).await;
+            }
+            let media_type = artifact.media_type.to_owned();
+            stored.push(StoredArtifact { name: artifact.name, media_type, byte_count, sha256, blob });
+        }
+        Ending::Published(stored, notices)
+    }
+
+    /// Asks the database until it answers: what is lost here is a whole computation.
+    async fn insist<F: Future<Output = Result<bool, storage::Error>>>(&self, what: &str, ask: impl Fn() -> F) -> bool {
+        loop {
+            match ask().await {
+                Ok(done) => return done,
+                Err(error) => tracing::error!(what, %error, "the database does not answer; trying again"),
+            }
+            sleep(self.beat).await;
+        }
+    }
+
+    async fn forget(&self, claim: &Claim) {
+        if let Err(error) = self.storage.blobs.delete_all(&claim.folder()).await {
+            tracing::warn!(job = claim.id, %error, "blobs of an unpublished attempt stay until the next start");
+        }
+    }
+}
+
+/// Lower-case hex.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn panic_message(error: JoinError) -> String {
+    let Ok(payload) = error.try_into_panic() else { return "the thread was stopped".into() };
+    let text = payload.downcast_ref::<String>().map(String::as_str);
+    text.or_else(|| payload.downcast_ref::<&str>().copied()).unwrap_or("no message").to_owned()
+}
+
+/// How far a run is, and whether it is still wanted: written by many threads, read by the beat.
+#[derive(Default)]
+struct Progress {
+    /// Stage number from 1, then its fraction in 2⁻³², so that larger is later whichever thread reports last.
+    reached: AtomicU64,
+    stopped: AtomicBool,
+}
+
+impl Progress {
+    fn stop(&self) {
+        self.stopped.store(true, Ordering::Relaxed);
+    }
+
+    fn read(&self) -> (Option<Stage>, f64) {
+        let reached = self.reached.load(Ordering::Relaxed);
+        let stage = (reached >> 32).checked_sub(1).and_then(|number| Stage::ALL.get(number as usize).copied());
+        (stage, (reached & u64::from(u32::MAX)) as f64 / f64::from(u32::MAX))
+    }
+}
+
+impl Watch for Progress {
+    fn progress(&self, stage: Stage, fraction: f64) {
+        let fraction = (fraction.clamp(0.0, 1.0) * f64::from(u32::MAX)) as u64;
+        self.reached.fetch_max(((stage as u64 + 1) << 32) | fraction, Ordering::Relaxed);
+    }
+
+    fn cancelled(&self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
+    }
+}
+
+struct StopOnDrop(Arc<Progress>);
+
+impl Drop for StopOnDrop {
+    fn drop(&mut self) {
+        self.0.stop();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn progress_never_goes_back_and_reads_what_was_reported() {
+        let progress = Progress::default();
+        assert_eq!(progress.read(), (None, 0.0));
+        progress.progress(Stage::Rays, 0.0);
+        assert_eq!(progress.read(), (Some(Stage::Rays), 0.0));
+        progress.progress(Stage::Flux, 0.75);
+        progress.progress(Stage::Flux, 0.5);
+        progress.progress(Stage::Hull, 1.0);
+        let (stage, fraction) = progress.read();
+        assert_eq!(stage, Some(Stage::Flux));
+        assert!((fraction - 0.75).abs() < 1e-9);
+        progress.progress(Stage::Artifacts, f64::NAN);
+        assert_eq!(progress.read().0, Some(Stage::Artifacts));
+    }
+
+    #[test]
+    fn digests_are_written_as_the_standard_does() {
+        // FIPS 180-2, appendix B.1.
+        assert_eq!(hex(&Sha256::digest(b"abc")), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+    }
+}

@@ -1,0 +1,93 @@
+//! What outlives the process: rows and blobs, each engine behind one file.
+
+/// The database.
+pub mod records;
+/// The object store.
+pub mod blobs;
+/// A ray set's parts as one file.
+pub mod parts;
+/// Rows of ray sets.
+pub mod ray_sets;
+
+use blobs::Blobs;
+use bytes::Bytes;
+use records::{Records, sql};
+use std::collections::HashSet;
+use uuid::Uuid;
+
+/// Why the stores could not be used.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The database did not answer, or not as it should.
+    #[error("the database failed: {0}")]
+    Records(Box<dyn std::error::Error + Send + Sync>),
+    /// The object store did not answer, or not as it should.
+    #[error("the object store failed: {0}")]
+    Blobs(Box<dyn std::error::Error + Send + Sync>),
+    /// No room for more.
+    #[error("the object store is full")]
+    Full,
+    /// An engine this build does not have.
+    #[error("{0} is not supported by this build")]
+    Unsupported(String),
+}
+
+/// Rows and blobs. Cheap to clone.
+#[derive(Clone)]
+pub struct Storage {
+    /// The database.
+    pub records: Records,
+    /// The object store.
+    pub blobs: Blobs,
+}
+
+/// A new sortable identifier.
+pub fn new_id() -> String {
+    Uuid::now_v7().to_string()
+}
+
+/// The folder of a ray set's blobs.
+pub fn ray_set_folder(id: &str) -> String {
+    format!("ray-sets/{id}")
+}
+
+/// The folder of a job's blobs; those of one attempt are in a folder named for its fence.
+pub fn job_folder(id: &str) -> String {
+    format!("artifacts/{id}")
+}
+
+impl Storage {
+    /// Opens both stores.
+    ///
+    /// # Errors
+    /// [`Error`]: one of them cannot be opened.
+    pub async fn open(database_url: &str, storage_url: &str) -> Result<Storage, Error> {
+        Ok(Storage { records: Records::open(database_url).await?, blobs: Blobs::open(storage_url)? })
+    }
+
+    /// Proves that rows can be read and blobs written.
+    ///
+    /// # Errors
+    /// [`Error`]: they cannot.
+    pub async fn check(&self) -> Result<(), Error> {
+        self.records.read(sql("SELECT 1 AS one")).await?;
+        let probe = format!("probes/{}", new_id());
+        self.blobs.put(&probe, Bytes::from_static(b"ready")).await?;
+        self.blobs.delete(&probe).await
+    }
+
+    /// Deletes blobs that no row names: what a killed process left behind. Only right while nobody else writes.
+    ///
+    /// # Errors
+    /// [`Error`]: a store did not answer.
+    pub async fn sweep(&self) -> Result<usize, Error> {
+        let rows = self.records.read(sql("SELECT blob FROM parts UNION ALL SELECT blob FROM artifacts")).await?;
+        let named = rows.iter().map(|row| row.text("blob")).collect::<Result<HashSet<String>, Error>>()?;
+        let mut swept = 0;
+        for key in self.blobs.list("").await?.iter().filter(|key| !named.contains(*key)) {
+            self.blobs.delete(key).await?;
+            swept += 1;
+        }
+        Ok(swept)
+    }
+}

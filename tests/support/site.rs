@@ -1,0 +1,239 @@
+//! A service on a folder of its own and a client that sees everything: each response is held to what all responses owe, and
+//! rows and files can be looked at.
+
+use axum::Router;
+use axum::body::Body;
+use axum::http::{HeaderMap, Method, Request, StatusCode};
+use http_body_util::BodyExt;
+use lampwright::service::jobs::worker::Runner;
+use lampwright::service::storage::records::{Records, Row, Statement};
+use lampwright::service::{Config, Service};
+use serde_json::{Value, json};
+use std::path::Path;
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+use tower::ServiceExt;
+
+/// Every header a response may have; a new one is a decision, not an accident.
+const HEADERS: [&str; 19] = [
+    "accept-ranges",
+    "allow",
+    "cache-control",
+    "content-disposition",
+    "content-encoding",
+    "content-length",
+    "content-range",
+    "content-security-policy",
+    "content-type",
+    "cross-origin-resource-policy",
+    "etag",
+    "location",
+    "referrer-policy",
+    "retry-after",
+    "x-content-type-options",
+    "x-request-id",
+    "date",
+    "connection",
+    "vary",
+];
+
+/// A response, read to its end.
+#[derive(Debug)]
+pub struct Reply {
+    pub status: StatusCode,
+    pub headers: HeaderMap,
+    pub body: Vec<u8>,
+}
+
+impl Reply {
+    pub fn json(&self) -> Value {
+        serde_json::from_slice(&self.body).unwrap_or_else(|_| panic!("not JSON: {self:?}"))
+    }
+
+    pub fn header(&self, name: &str) -> &str {
+        self.headers.get(name).unwrap_or_else(|| panic!("no {name}: {self:?}")).to_str().unwrap()
+    }
+
+    pub fn id(&self) -> String {
+        self.json()["id"].as_str().unwrap().to_owned()
+    }
+
+    /// Status and code of a problem.
+    pub fn problem(&self) -> (u16, String) {
+        (self.status.as_u16(), self.json()["code"].as_str().unwrap_or_default().to_owned())
+    }
+
+    #[track_caller]
+    pub fn is_problem(&self, status: u16, code: &str) {
+        assert_eq!(self.problem(), (status, code.to_owned()), "{}", String::from_utf8_lossy(&self.body));
+    }
+
+    /// What every response owes.
+    fn check(&self, method: &Method) {
+        for name in self.headers.keys() {
+            assert!(HEADERS.contains(&name.as_str()), "unexpected header {name}: {self:?}");
+        }
+        assert!(!self.header("x-request-id").is_empty());
+        assert_eq!(self.header("x-content-type-options"), "nosniff");
+        assert!(self.header("content-security-policy").contains("frame-ancestors 'none'"));
+        assert!(self.headers.contains_key("cache-control"));
+        if *method == Method::HEAD {
+            assert!(self.body.is_empty());
+        } else if self.status.as_u16() >= 400 {
+            let problem = self.json();
+            assert_eq!(self.header("content-type"), "application/problem+json");
+            assert_eq!(problem["status"], self.status.as_u16());
+            assert_eq!(problem["type"], format!("urn:lampwright:problem:{}", problem["code"].as_str().unwrap()));
+            for member in ["title", "detail"] {
+                assert!(problem[member].as_str().is_some_and(|text| !text.is_empty()), "{member}: {problem}");
+            }
+        }
+        if self.status == StatusCode::SERVICE_UNAVAILABLE {
+            assert_eq!(self.header("retry-after"), "1");
+        }
+        if self.status == StatusCode::METHOD_NOT_ALLOWED {
+            assert!(!self.header("allow").is_empty());
+        }
+    }
+}
+
+/// A service and its folder.
+pub struct Site {
+    pub folder: TempDir,
+    pub config: Config,
+    pub service: Option<Service>,
+    router: Router,
+}
+
+/// Short times, so that what takes seconds in life takes less here.
+fn quick(folder: &Path) -> Config {
+    Config {
+        listen: ([127, 0, 0, 1], 0).into(),
+        lease: Duration::from_millis(600),
+        poll: Duration::from_millis(100),
+        grace: Duration::from_millis(400),
+        upload_idle: Duration::from_millis(400),
+        concurrency: 1,
+        threads: 1,
+        ..Config::new(folder)
+    }
+}
+
+impl Site {
+    pub async fn start(runner: Runner) -> Site {
+        Site::start_as(|config| config, runner).await
+    }
+
+    pub async fn start_as(change: impl Fn(Config) -> Config, runner: Runner) -> Site {
+        let folder = tempfile::tempdir().unwrap();
+        let config = change(quick(&folder.path().join("data")));
+        let service = Service::start_with(config.clone(), runner).await.unwrap();
+        Site { router: service.router(), folder, config, service: Some(service) }
+    }
+
+    /// Kills the service, as far as that can be done within a process: nothing of it runs its last lines.
+    pub async fn kill(&mut self) {
+        self.service = None;
+        self.router = Router::new();
+        // Its tasks end at their next await; the file lock goes with the last of them.
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+
+    /// Starts another service on the same folder.
+    pub async fn restart(&mut self, runner: Runner) {
+        let service = Service::start_with(self.config.clone(), runner).await.unwrap();
+        self.router = service.router();
+        self.service = Some(service);
+    }
+
+    pub async fn send(&self, request: Request<Body>) -> Reply {
+        let method = request.method().clone();
+        let response = self.router.clone().oneshot(request).await.unwrap();
+        let (parts, body) = response.into_parts();
+        let body = body.collect().await.unwrap().to_bytes().to_vec();
+        let reply = Reply { status: parts.status, headers: parts.headers, body };
+        reply.check(&method);
+        reply
+    }
+
+    pub async fn ask(&self, method: Method, path: &str, headers: &[(&str, &str)], body: impl Into<Body>) -> Reply {
+        let request = headers.iter().fold(Request::builder().method(method).uri(path), |request, (name, value)| {
+            request.header(*name, *value)
+        });
+        self.send(request.body(body.into()).unwrap()).await
+    }
+
+    pub async fn get(&self, path: &str) -> Reply {
+        self.ask(Method::GET, path, &[], Body::empty()).await
+    }
+
+    pub async fn delete(&self, path: &str) -> Reply {
+        self.ask(Method::DELETE, path, &[], Body::empty()).await
+    }
+
+    pub async fn post(&self, path: &str, body: &Value) -> Reply {
+        self.ask(Method::POST, path, &[("content-type", "application/json")], body.to_string()).await
+    }
+
+    pub async fn upload(&self, bytes: Vec<u8>) -> Reply {
+        self.ask(Method::POST, "/v1/ray-sets?name=led.dat", &[], bytes).await
+    }
+
+    /// Uploads a small good file; its id.
+    pub async fn ray_set(&self) -> String {
+        let reply = self.upload(crate::rays::zemax(10)).await;
+        assert_eq!(reply.status, StatusCode::CREATED, "{reply:?}");
+        reply.id()
+    }
+
+    /// Queues a job; its id.
+    pub async fn job(&self, ray_set: &str) -> String {
+        let reply = self.post("/v1/jobs", &json!({ "ray_sets": [ray_set] })).await;
+        assert_eq!(reply.status, StatusCode::ACCEPTED, "{reply:?}");
+        reply.id()
+    }
+
+    /// Polls a job until `done`, as a client would.
+    pub async fn until(&self, job: &str, done: impl Fn(&Value) -> bool) -> Value {
+        let start = Instant::now();
+        loop {
+            let reply = self.get(&format!("/v1/jobs/{job}")).await.json();
+            if done(&reply) {
+                return reply;
+            }
+            assert!(start.elapsed() < Duration::from_secs(20), "still {reply}");
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    }
+
+    pub async fn until_state(&self, job: &str, state: &str) -> Value {
+        self.until(job, |job| job["state"] == state).await
+    }
+
+    /// Every file in the object store, relative to it.
+    pub fn blobs(&self) -> Vec<String> {
+        fn walk(folder: &Path, found: &mut Vec<String>, root: &Path) {
+            for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+                match entry.file_type().unwrap().is_dir() {
+                    true => walk(&entry.path(), found, root),
+                    false => found.push(entry.path().strip_prefix(root).unwrap().display().to_string()),
+                }
+            }
+        }
+        let root = self.config.data.join("blobs");
+        let mut found = Vec::new();
+        walk(&root, &mut found, &root);
+        found.sort();
+        found
+    }
+
+    /// Asks the database behind the service's back.
+    pub async fn rows(&self, statement: Statement) -> Vec<Row> {
+        Records::open(&self.config.database_url()).await.unwrap().read(statement).await.unwrap()
+    }
+
+    /// Changes the database behind the service's back.
+    pub async fn write(&self, statement: Statement) -> u64 {
+        Records::open(&self.config.database_url()).await.unwrap().write(statement).await.unwrap()
+    }
+}
