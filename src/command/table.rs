@@ -60,7 +60,7 @@ pub fn count(value: u64) -> String {
 pub fn number(value: f64) -> String {
     // The magnitude after rounding: 0.99999999 is written as 1.0000.
     let written = format!("{value:.4e}");
-    let magnitude = written.split_once('e').and_then(|(_, exponent)| exponent.parse().ok()).unwrap_or(0.0);
+    let magnitude = written.split_once('e').and_then(|(_, exponent)| exponent.parse().ok()).unwrap_or(0.0_f64);
     if value == 0.0 {
         "0".to_owned()
     } else if (-4.0..6.0).contains(&magnitude) {
