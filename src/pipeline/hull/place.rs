@@ -50,6 +50,12 @@ pub fn place(joined: &Joined, light: &Light, lattice: &Lattice) -> Vec<Placed> {
     };
     let mut places: Vec<Placed> = joined.nodes.iter().zip(normals).map(on_plane).collect();
     relax(joined, &mut places);
+    // All points lie within the lattice's box, and so does their surface.
+    let last = lattice.counts.map(|count| count - 1);
+    let box_mm = lattice.bounds_mm([0; 3], last);
+    for place in &mut places {
+        place.at_mm = place.at_mm.clamp(box_mm.min, box_mm.max);
+    }
     places
 }
 
