@@ -252,4 +252,25 @@ mod tests {
         model.surface.vertices.luminous_lm = None;
         assert_eq!(colors(&model).linear_srgb.iter().flatten().copied().fold(0.0, f32::max), 1.0);
     }
+
+    #[test]
+    fn tristimulus_rays_give_lumens_and_their_colour() {
+        let mut model = fixture::model();
+        model.spectral.columns = Columns::Tristimulus;
+        let vertices = &mut model.surface.vertices;
+        let luminous = vertices.luminous_lm.clone().unwrap();
+        // The white of sRGB has x = 0.3127, y = 0.3290 (IEC 61966-2-1).
+        vertices.columns = luminous.iter().flat_map(|y| [0.3127 / 0.3290 * y, *y, 0.3583 / 0.3290 * y]).collect();
+        vertices.column_count = 3;
+        let (file, emitter) = read(&model, Spectra::Auto);
+        assert!(emitter["vertex_spectra"].is_null());
+        assert_eq!(emitter["vertex_tristimulus"]["attribute"], "_XYZ_LM");
+        let primitive = file.meshes().next().unwrap().primitives().next().unwrap();
+        let accessor = primitive.get(&Semantic::Extras("XYZ_LM".to_owned())).unwrap();
+        let xyz: Vec<[f32; 3]> = Iter::new(accessor, |_| file.blob.as_deref()).unwrap().collect();
+        assert!(xyz.iter().zip(&luminous).all(|(xyz, luminous)| xyz[1] == *luminous as f32));
+        for [red, green, blue] in colors(&model).linear_srgb {
+            assert!((red - green).abs() < 1e-6 * red && (blue - green).abs() < 1e-6 * red, "{red} {green} {blue}");
+        }
+    }
 }
