@@ -11,8 +11,6 @@ mod provenance;
 mod exitance;
 /// `emitter.glb`: the surface half of the contract.
 pub mod gltf;
-/// What the glTF's attributes mean: `meshes[0].extras.emitter`.
-mod emitter;
 /// `goniograms.json`: the angular half of the contract.
 pub mod goniograms;
 /// `ies/*.ies`: luminous intensities for lighting programs.

@@ -3,23 +3,26 @@
 //! glTF 2.0 binary. Metres, Y up: (x, z, -y)/1000 is a rotation, so winding and normals keep. Spectra are `_SPECTRUM_nnn`
 //! attributes, band-major in one view; attributes are named, never numbered, because accessor indices do not survive a re-save.
 
+/// The binary chunk.
+mod buffer;
+/// The JSON chunk.
+mod document;
+/// What the attributes mean: `meshes[0].extras.emitter`.
+pub mod emitter;
+
 use super::super::model::Model;
 use super::super::rays::source::Columns;
 use super::super::{Error, Options as RunOptions};
-use super::emitter::{self, Emitter};
 use super::exitance::{Colors, colors};
 use super::{Artifact, provenance};
+use buffer::Buffer;
+use document::{Asset, BufferEntry, Document, Extras, Material, Mesh, Node, Primitive, Scene};
+use emitter::Emitter;
 use glam::DVec3;
-use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// Name in the zip.
 pub const NAME: &str = "emitter.glb";
-
-const FLOAT: u32 = 5126;
-const UNSIGNED_INT: u32 = 5125;
-const ARRAY_BUFFER: u32 = 34962;
-const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
 /// The file.
 ///
@@ -96,81 +99,6 @@ fn attributes(
     attributes
 }
 
-/// The binary chunk and what lies where in it.
-#[derive(Default)]
-struct Buffer {
-    bytes: Vec<u8>,
-    views: Vec<View>,
-    accessors: Vec<Accessor>,
-}
-
-impl Buffer {
-    fn indices(&mut self, triangles: &[[u32; 3]]) -> usize {
-        let start = self.bytes.len();
-        self.bytes.extend(triangles.iter().flatten().flat_map(|index| index.to_le_bytes()));
-        let view = self.view(start, ELEMENT_ARRAY_BUFFER, None);
-        self.accessor(Accessor { component_type: UNSIGNED_INT, ..Accessor::new(view, "SCALAR", 3 * triangles.len()) })
-    }
-
-    fn positions(&mut self, positions: impl Iterator<Item = [f32; 3]> + Clone) -> usize {
-        let mut min = [f32::INFINITY; 3];
-        let mut max = [f32::NEG_INFINITY; 3];
-        for position in positions.clone() {
-            for k in 0..3 {
-                min[k] = min[k].min(position[k]);
-                max[k] = max[k].max(position[k]);
-            }
-        }
-        let accessor = self.vectors(positions);
-        if let Some(accessor) = self.accessors.get_mut(accessor) {
-            // Exact in f64: readers compare the text with the floats in the buffer.
-            (accessor.min, accessor.max) = (Some(min.map(f64::from)), Some(max.map(f64::from)));
-        }
-        accessor
-    }
-
-    fn vectors(&mut self, vectors: impl Iterator<Item = [f32; 3]>) -> usize {
-        let start = self.bytes.len();
-        self.bytes.extend(vectors.flatten().flat_map(f32::to_le_bytes));
-        let view = self.view(start, ARRAY_BUFFER, None);
-        self.accessor(Accessor::new(view, "VEC3", (self.bytes.len() - start) / 12))
-    }
-
-    fn scalars(&mut self, scalars: impl Iterator<Item = f32>) -> usize {
-        let start = self.bytes.len();
-        self.bytes.extend(scalars.flat_map(f32::to_le_bytes));
-        let view = self.view(start, ARRAY_BUFFER, None);
-        self.accessor(Accessor::new(view, "SCALAR", (self.bytes.len() - start) / 4))
-    }
-
-    /// Vertex-major `values` as one scalar accessor per band. They share a view, which then must state its stride.
-    fn bands(&mut self, values: &[f32], bands: usize) -> Vec<usize> {
-        let start = self.bytes.len();
-        for band in 0..bands {
-            self.bytes.extend(values.iter().skip(band).step_by(bands).flat_map(|value| value.to_le_bytes()));
-        }
-        let view = self.view(start, ARRAY_BUFFER, Some(4));
-        let count = values.len() / bands.max(1);
-        (0..bands)
-            .map(|band| {
-                let byte_offset = 4 * count * band;
-                self.accessor(Accessor { byte_offset, ..Accessor::new(view, "SCALAR", count) })
-            })
-            .collect()
-    }
-
-    fn view(&mut self, start: usize, target: u32, byte_stride: Option<usize>) -> usize {
-        let byte_length = self.bytes.len() - start;
-        self.views.push(View { buffer: 0, byte_offset: start, byte_length, byte_stride, target });
-        self.views.len() - 1
-    }
-
-    fn accessor(&mut self, accessor: Accessor) -> usize {
-        self.accessors.push(accessor);
-        self.accessors.len() - 1
-    }
-}
-
 /// Header, JSON chunk padded with blanks, binary chunk (a multiple of four by construction).
 fn container(mut json: Vec<u8>, binary: Vec<u8>) -> Result<Vec<u8>, Error> {
     json.resize(json.len().next_multiple_of(4), b' ');
@@ -194,132 +122,6 @@ fn container(mut json: Vec<u8>, binary: Vec<u8>) -> Result<Vec<u8>, Error> {
         bytes.extend(part);
     }
     Ok(bytes)
-}
-
-#[derive(Serialize)]
-#[serde(rename_all = "camelCase")]
-struct Document<'a> {
-    asset: Asset,
-    extensions_used: [&'static str; 1],
-    scene: usize,
-    scenes: [Scene; 1],
-    nodes: [Node; 1],
-    materials: [Material; 1],
-    meshes: [Mesh<'a>; 1],
-    buffers: [BufferEntry; 1],
-    buffer_views: Vec<View>,
-    accessors: Vec<Accessor>,
-}
-
-#[derive(Serialize)]
-struct Asset {
-    version: &'static str,
-    generator: String,
-}
-
-#[derive(Serialize)]
-struct Scene {
-    name: &'static str,
-    nodes: [usize; 1],
-}
-
-#[derive(Serialize)]
-struct Node {
-    name: &'static str,
-    mesh: usize,
-}
-
-#[derive(Serialize)]
-struct Mesh<'a> {
-    name: &'static str,
-    primitives: [Primitive; 1],
-    extras: Extras<'a>,
-}
-
-/// On the mesh, not on the primitive: Blender and trimesh lose the latter.
-#[derive(Serialize)]
-struct Extras<'a> {
-    emitter: Emitter<'a>,
-}
-
-#[derive(Serialize)]
-struct Primitive {
-    attributes: BTreeMap<String, usize>,
-    indices: usize,
-    material: usize,
-    mode: u32,
-}
-
-/// Unlit: COLOR_0 is the light itself, and glTF has no emission per vertex. Double-sided: hulls may have holes.
-#[derive(Serialize)]
-#[serde(rename_all = "camelCase")]
-struct Material {
-    name: &'static str,
-    double_sided: bool,
-    pbr_metallic_roughness: Pbr,
-    extensions: MaterialExtensions,
-}
-
-#[derive(Serialize)]
-#[serde(rename_all = "camelCase")]
-struct Pbr {
-    metallic_factor: f64,
-    roughness_factor: f64,
-}
-
-#[derive(Serialize)]
-struct MaterialExtensions {
-    #[serde(rename = "KHR_materials_unlit")]
-    unlit: BTreeMap<(), ()>,
-}
-
-impl Default for Material {
-    fn default() -> Material {
-        Material {
-            name: "exitance",
-            double_sided: true,
-            pbr_metallic_roughness: Pbr { metallic_factor: 0.0, roughness_factor: 1.0 },
-            extensions: MaterialExtensions { unlit: BTreeMap::new() },
-        }
-    }
-}
-
-#[derive(Serialize)]
-#[serde(rename_all = "camelCase")]
-struct BufferEntry {
-    byte_length: usize,
-}
-
-#[derive(Serialize)]
-#[serde(rename_all = "camelCase")]
-struct View {
-    buffer: usize,
-    byte_offset: usize,
-    byte_length: usize,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    byte_stride: Option<usize>,
-    target: u32,
-}
-
-#[derive(Serialize)]
-#[serde(rename_all = "camelCase")]
-struct Accessor {
-    buffer_view: usize,
-    byte_offset: usize,
-    component_type: u32,
-    count: usize,
-    #[serde(rename = "type")]
-    kind: &'static str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    min: Option<[f64; 3]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    max: Option<[f64; 3]>,
-}
-
-impl Accessor {
-    fn new(buffer_view: usize, kind: &'static str, count: usize) -> Accessor {
-        Accessor { buffer_view, byte_offset: 0, component_type: FLOAT, count, kind, min: None, max: None }
-    }
 }
 
 #[cfg(test)]
@@ -449,5 +251,26 @@ mod tests {
             crate::pipeline::vocabulary::spectrum::Bands::new(vec![840.0, 850.0, 860.0, 870.0]).unwrap();
         model.surface.vertices.luminous_lm = None;
         assert_eq!(colors(&model).linear_srgb.iter().flatten().copied().fold(0.0, f32::max), 1.0);
+    }
+
+    #[test]
+    fn tristimulus_rays_give_lumens_and_their_colour() {
+        let mut model = fixture::model();
+        model.spectral.columns = Columns::Tristimulus;
+        let vertices = &mut model.surface.vertices;
+        let luminous = vertices.luminous_lm.clone().unwrap();
+        // The white of sRGB has x = 0.3127, y = 0.3290 (IEC 61966-2-1).
+        vertices.columns = luminous.iter().flat_map(|y| [0.3127 / 0.3290 * y, *y, 0.3583 / 0.3290 * y]).collect();
+        vertices.column_count = 3;
+        let (file, emitter) = read(&model, Spectra::Auto);
+        assert!(emitter["vertex_spectra"].is_null());
+        assert_eq!(emitter["vertex_tristimulus"]["attribute"], "_XYZ_LM");
+        let primitive = file.meshes().next().unwrap().primitives().next().unwrap();
+        let accessor = primitive.get(&Semantic::Extras("XYZ_LM".to_owned())).unwrap();
+        let xyz: Vec<[f32; 3]> = Iter::new(accessor, |_| file.blob.as_deref()).unwrap().collect();
+        assert!(xyz.iter().zip(&luminous).all(|(xyz, luminous)| xyz[1] == *luminous as f32));
+        for [red, green, blue] in colors(&model).linear_srgb {
+            assert!((red - green).abs() < 1e-6 * red && (blue - green).abs() < 1e-6 * red, "{red} {green} {blue}");
+        }
     }
 }
