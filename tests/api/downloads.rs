@@ -105,7 +105,7 @@ async fn a_head_tells_what_a_get_would() {
 async fn a_file_is_safe_to_open() {
     let shelf = Shelf::new().await;
     let file = shelf.get(&[]).await;
-    assert_eq!(file.header("content-disposition"), "attachment; filename=\"total____.ies\"".replace("____", "____"));
+    assert_eq!(file.header("content-disposition"), "attachment; filename=\"total____.ies\"");
     assert_eq!(file.header("content-type"), "text/plain");
     assert!(file.header("content-security-policy").contains("sandbox"));
     let zip = shelf.ask(Method::GET, "model.zip", &[]).await;

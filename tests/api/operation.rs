@@ -51,7 +51,7 @@ async fn it_answers_at_once_while_jobs_use_every_core() {
     let gate = Gate::new();
     let cores = std::thread::available_parallelism().unwrap().get();
     let busy = |config: Config| Config { concurrency: 2, threads: cores, ..config };
-    let site = Site::start_as(busy, burning(&gate)).await;
+    let mut site = Site::start_as(busy, burning(&gate)).await;
     let ray_set = site.ray_set().await;
     let jobs = [site.job(&ray_set).await, site.job(&ray_set).await];
     for job in &jobs {
@@ -60,24 +60,33 @@ async fn it_answers_at_once_while_jobs_use_every_core() {
     while gate.begun() < 2 {
         tokio::time::sleep(Duration::from_millis(5)).await;
     }
+    // Over real connections, each a new one.
+    let service = site.service.take().unwrap();
+    let address = service.address();
+    let (stop, stopped) = oneshot::channel::<()>();
+    let serving = tokio::spawn(service.run_until(async { drop(stopped.await) }));
     let mut times = Vec::new();
     for _ in 0..200 {
         let asked = Instant::now();
-        assert_eq!(site.get("/healthz").await.status, StatusCode::OK);
+        let response = over_tcp(address, HEALTH).await.unwrap();
         times.push(asked.elapsed());
+        assert!(response.starts_with("HTTP/1.1 200"), "{response}");
         tokio::time::sleep(Duration::from_millis(2)).await;
     }
     times.sort();
     println!(
-        "/healthz under two jobs on {cores} cores: median {:?}, p99 {:?}, max {:?}",
+        "/healthz, two jobs on {cores} cores: median {:?}, p99 {:?}, max {:?}",
         times[100], times[198], times[199]
     );
-    // Far above what was measured (p99 below 10 ms), far below what a blocked thread would take: the jobs never end.
-    assert!(times[100] < Duration::from_millis(100), "{:?}", times[100]);
+    // A hundred times what was measured (0.4 ms on 2 cores), and far below what a blocked thread would take: the jobs last
+    // until the gate opens.
+    assert!(times[100] < Duration::from_millis(40), "{:?}", times[100]);
     gate.open();
     for job in &jobs {
         site.until_state(job, "succeeded").await;
     }
+    drop(stop);
+    serving.await.unwrap().unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread")]
