@@ -87,9 +87,11 @@ async fn a_digest_is_verified_when_sent() {
 async fn too_large_is_said_before_the_body_is_read() {
     let site = Site::start_as(|config| Config { max_upload_bytes: 1000, ..config }, prompt()).await;
     // A body that may not be touched.
-    let untouchable = || Body::from_stream(stream::poll_fn(|_| -> std::task::Poll<Option<io::Result<Bytes>>> {
-        panic!("the body was read")
-    }));
+    let untouchable = || {
+        Body::from_stream(stream::poll_fn(|_| -> std::task::Poll<Option<io::Result<Bytes>>> {
+            panic!("the body was read")
+        }))
+    };
     send(&site, &[("content-length", "1001")], untouchable()).await.is_problem(413, "upload.too_large");
     send(&site, &[("content-length", "many")], untouchable()).await.is_problem(400, "request.malformed_header");
     for media_type in ["multipart/form-data; boundary=x", "application/x-www-form-urlencoded"] {
@@ -194,10 +196,8 @@ async fn what_is_no_ray_file_is_refused_at_its_beginning() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_ray_set_above_the_limits_is_refused_by_policy() {
-    let few = |config: Config| Config {
-        limits: lampwright::pipeline::Limits { max_rays: 99, ..config.limits },
-        ..config
-    };
+    let few =
+        |config: Config| Config { limits: lampwright::pipeline::Limits { max_rays: 99, ..config.limits }, ..config };
     let site = Site::start_as(few, prompt()).await;
     send(&site, &[], rays::zemax(100)).await.is_problem(422, "rays.too_many");
     nothing_left(&site).await;

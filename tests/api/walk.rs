@@ -1,6 +1,6 @@
+use crate::rays;
 use crate::runners::{Gate, held, pattern, prompt, sha256};
 use crate::site::Site;
-use crate::rays;
 use axum::http::StatusCode;
 use lampwright::service::storage::records::sql;
 use serde_json::json;
@@ -23,7 +23,8 @@ async fn a_ray_file_becomes_artifacts() {
     assert_eq!(site.get(uploaded.header("location")).await.json(), ray_set);
     assert_eq!(site.blobs(), [format!("ray-sets/{id}/000000")]);
 
-    let options = json!({"hull": {"resolution": 32}, "goniogram": {"zones": {"columns": 2, "rows": 3}, "c0_axis": "+X"}});
+    let options =
+        json!({"hull": {"resolution": 32}, "goniogram": {"zones": {"columns": 2, "rows": 3}, "c0_axis": "+X"}});
     let accepted = site.post("/v1/jobs", &json!({"ray_sets": [id], "options": options})).await;
     assert_eq!(accepted.status, StatusCode::ACCEPTED);
     let job = accepted.id();

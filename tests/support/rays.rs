@@ -2,10 +2,7 @@
 //! header, then 28 bytes a ray), not with our own writer.
 
 /// Bytes of the header.
-pub const HEADER_BYTES: usize = 208;
-/// Bytes of a ray.
-pub const RAY_BYTES: usize = 28;
-
+const HEADER_BYTES: usize = 208;
 /// A Zemax binary source file of `rays` rays: a square of 1 mm that shines along +Z, 1 W each.
 pub fn zemax(rays: u32) -> Vec<u8> {
     let mut file = vec![0; HEADER_BYTES];

@@ -208,8 +208,8 @@ fn goniogram(
     let scaled =
         |flux: f64| grid.nodes_from_cells(&cells.iter().map(|value| value * flux / whole).collect::<Vec<f64>>());
     let mut columns = vec![0.0; 4];
-    for vertex in 0..surface.vertices.len() {
-        if belongs(zone_of_vertex[vertex]) {
+    for (vertex, zone) in zone_of_vertex.iter().enumerate() {
+        if belongs(*zone) {
             columns.iter_mut().zip(surface.vertices.columns_of(vertex)).for_each(|(sum, watt)| *sum += watt);
         }
     }

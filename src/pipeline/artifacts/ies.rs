@@ -163,3 +163,123 @@ fn push_record(lines: &mut Vec<String>, numbers: impl Iterator<Item = String>) {
     let numbers: Vec<String> = numbers.collect();
     lines.extend(numbers.chunks(10).map(|ten| ten.join(" ")));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::fixture;
+    use super::*;
+
+    /// A model whose only goniogram is `candela` over 0, 90, 180 degrees and the planes C0 and C180.
+    fn tiny(candela: [f64; 6]) -> Model {
+        let mut model = fixture::model();
+        model.goniograms.grid = SphereGrid::new(2, 2);
+        model.goniograms.zones.clear();
+        model.goniograms.total.luminous_cd = Some(candela.to_vec());
+        model
+    }
+
+    fn text_of(model: &Model, options: &RunOptions) -> String {
+        String::from_utf8(artifacts(model, options)[0].bytes.clone()).unwrap()
+    }
+
+    #[test]
+    fn the_whole_text_of_a_tiny_grid() {
+        // Cells of a 90 degree grid: caps of 2π(1 - cos 45°) = 1.840302 sr, a half ring of 2π cos 45° = 4.442883 sr each, so
+        // 100 × 1.840302 + (10 + 20) × 4.442883 + 1 × 1.840302 = 319.1570 lm.
+        let expected = [
+            "IESNA:LM-63-2002",
+            "[TEST] computed from ray file sha256 abababababababababababababababababababababababababababababababab",
+            concat!("[TESTLAB] Lampwright ", env!("CARGO_PKG_VERSION")),
+            "[ISSUEDATE] 2013-10-16",
+            "[MANUFAC] Nobody & Sons",
+            "[LUMCAT] rectangle.tm25ray",
+            "[LUMINAIRE] whole source of rectangle.tm25ray",
+            "[OTHER] nadir=source +Z C0=source +X C90=source -Y",
+            "[OTHER] flux lm=319.157 by node-centred cells",
+            "[_RAYS] 1000",
+            "TILT=NONE",
+            "1 -1 1 3 3 1 2 0.001 0.002 0",
+            "1 1 0",
+            "0 90 180",
+            "0 180 360",
+            "100.0000 10.0000 1.0000",
+            "100.0000 20.0000 1.0000",
+            "100.0000 10.0000 1.0000",
+            "",
+        ];
+        let model = tiny([100.0, 10.0, 1.0, 100.0, 20.0, 1.0]);
+        assert_eq!(text_of(&model, &RunOptions::default()).split("\r\n").collect::<Vec<_>>(), expected);
+    }
+
+    #[test]
+    fn the_2019_edition_has_its_own_tag_and_generation_type() {
+        let mut options = RunOptions::default();
+        options.artifacts.ies_edition = IesEdition::Lm63Of2019;
+        let text = text_of(&tiny([1.0; 6]), &options);
+        assert!(text.starts_with("IES:LM-63-2019\r\n") && text.contains("\r\n1 1.00010 0\r\n"), "{text}");
+    }
+
+    #[test]
+    fn small_and_large_candelas_keep_seven_digits_without_exponents() {
+        for (peak, expected) in [(3.2e-9, "0.000000003200000"), (4.5e8, "450000000"), (0.0, "0.0")] {
+            let text = text_of(&tiny([peak, 0.0, 0.0, peak, 0.0, 0.0]), &RunOptions::default());
+            let row = text.split("\r\n").nth(15).unwrap();
+            assert_eq!(row.split(' ').next(), Some(expected));
+            assert!(!row.contains('e'));
+        }
+    }
+
+    #[test]
+    fn hostile_texts_stay_in_their_lines() {
+        let mut model = tiny([1.0; 6]);
+        model.origins[0].name = format!("TILT=NONE\r\nTilT\n1 2 3 \u{1F4A1} tTILTILT {}", "x".repeat(10_000));
+        let manufacturer = ("Manufacturer".to_owned(), "TITILTLT=INCLUDE\u{0}\u{85}\u{2028}é".to_owned());
+        model.origins[0].texts = vec![manufacturer, ("creation date".to_owned(), "yesterday\r\nTILT".to_owned())];
+        let text = text_of(&model, &RunOptions::default());
+        let lines: Vec<&str> = text.split("\r\n").collect();
+        assert_eq!(lines.iter().position(|line| line.to_ascii_uppercase().contains("TILT")), Some(10));
+        assert_eq!(lines.iter().filter(|line| line.to_ascii_uppercase().contains("TILT")).count(), 1);
+        assert!(text.is_ascii() && !text.replace("\r\n", "").contains(['\r', '\n']));
+        assert!(lines.iter().all(|line| line.len() <= 254 && !line.ends_with(' ')), "{text}");
+        assert_eq!(lines.len(), 19);
+    }
+
+    #[test]
+    fn without_a_date_of_the_file_the_version_has_one() {
+        assert_eq!(issue_date(None), VERSION_DATE);
+        assert_eq!(issue_date(Some("2016-10-13T10:00:00+02:00")), "2016-10-13");
+        assert_eq!(issue_date(Some("13 Oct 2016")), "13 Oct 2016");
+    }
+
+    #[test]
+    fn no_file_where_luminous_intensity_is_unknown() {
+        let mut model = tiny([1.0; 6]);
+        model.goniograms.total.luminous_cd = None;
+        assert!(artifacts(&model, &RunOptions::default()).is_empty());
+    }
+
+    #[test]
+    fn lobes_come_at_c0_and_c270_of_a_source_that_looks_up() {
+        // OUTPUTS.md 1.3: lobes at +X+Z (1) and +Y+Z (1/2) must come at C0 and C270.
+        let lobe = |direction: DVec3, to: DVec3| (40.0 * (direction.dot(to.normalize()) - 1.0)).exp();
+        let model = fixture::model_with(|direction| {
+            lobe(direction, DVec3::X + DVec3::Z) + 0.5 * lobe(direction, DVec3::Y + DVec3::Z)
+        });
+        let text = text_of(&model, &RunOptions::default());
+        let numbers: Vec<f64> =
+            text.split("TILT=NONE").nth(1).unwrap().split_whitespace().map(|n| n.parse().unwrap()).collect();
+        let planes: Vec<&[f64]> = numbers[13 + 37 + 37..].chunks(37).collect();
+        assert_eq!(planes.len(), 37);
+        let at_45 = |c_deg: usize| planes[c_deg / 10][9];
+        let peak = planes.iter().flat_map(|plane| plane.iter()).copied().fold(0.0, f64::max);
+        assert_eq!(at_45(0), peak);
+        assert!((at_45(270) / peak - 0.5).abs() < 1e-3 && at_45(90) < 1e-3 * peak && at_45(180) < 1e-3 * peak);
+    }
+
+    #[test]
+    fn sides_of_a_flat_source_are_never_zero() {
+        let mut model = tiny([1.0; 6]);
+        model.hull.vertices_mm.iter_mut().for_each(|vertex| vertex.y = 0.0);
+        assert!(text_of(&model, &RunOptions::default()).contains("\r\n1 -1 1 3 3 1 2 0.000001 0.002 0\r\n"));
+    }
+}

@@ -11,8 +11,6 @@ mod provenance;
 mod exitance;
 /// `emitter.glb`: the surface half of the contract.
 pub mod gltf;
-/// What the glTF's attributes mean: `meshes[0].extras.emitter`.
-mod emitter;
 /// `goniograms.json`: the angular half of the contract.
 pub mod goniograms;
 /// `ies/*.ies`: luminous intensities for lighting programs.
@@ -143,4 +141,181 @@ pub fn zip(artifacts: &[Artifact]) -> Result<Vec<u8>, Error> {
         archive.write_all(&artifact.bytes)?;
     }
     Ok(archive.finish().map_err(std::io::Error::other)?.into_inner())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::rays::source::Columns;
+    use super::super::vocabulary::watch::{Stage, Unwatched, Watch};
+    use super::*;
+    use serde_json::Value;
+    use std::io::Read as _;
+
+    const GONIOGRAMS: &str = include_str!("../../../openapi/goniograms.schema.json");
+    const REPORT: &str = include_str!("../../../openapi/report.schema.json");
+    const EXTRAS: &str = include_str!("../../../openapi/emitter-extras.schema.json");
+
+    fn written(model: &Model) -> Vec<Artifact> {
+        write(model, &RunOptions::default(), StageWatch::enter(&Unwatched, Stage::Artifacts).unwrap()).unwrap()
+    }
+
+    fn names(artifacts: &[Artifact]) -> Vec<&str> {
+        artifacts.iter().map(|artifact| artifact.name.as_str()).collect()
+    }
+
+    /// A source in W without any spectrum.
+    fn radiant_only() -> Model {
+        let mut model = fixture::model();
+        model.spectral.columns = Columns::None;
+        model.flux.luminous_lm = None;
+        for amounts in [&mut model.surface.vertices, &mut model.surface.triangles] {
+            amounts.luminous_lm = None;
+        }
+        let balance = &mut model.surface.balance;
+        for share in [&mut balance.incoming, &mut balance.hit, &mut balance.snapped, &mut balance.rejected] {
+            share.flux.luminous_lm = None;
+        }
+        let zones = model.goniograms.zones.iter_mut().map(|zone| &mut zone.goniogram);
+        for goniogram in zones.chain([&mut model.goniograms.total]) {
+            goniogram.flux.luminous_lm = None;
+            goniogram.luminous_cd = None;
+            goniogram.spectral_w_per_sr_nm.clear();
+            goniogram.spectral_flux_w_per_nm.clear();
+        }
+        model
+    }
+
+    fn hostile() -> Model {
+        let mut model = fixture::model();
+        let name = format!("</svg><script>\"&\u{0}\u{1b}\u{ffff}\u{202e}TILT=\r\n../../etc {}", "é".repeat(10_000));
+        model.origins[0].texts = vec![(name.clone(), name.clone())];
+        model.origins[0].name = name;
+        model
+    }
+
+    fn assert_valid(schema: &str, document: &Value) {
+        let validator = jsonschema::validator_for(&serde_json::from_str(schema).unwrap()).unwrap();
+        let errors: Vec<String> = validator.iter_errors(document).map(|error| error.to_string()).collect();
+        assert!(errors.is_empty(), "{errors:#?}");
+    }
+
+    fn json_of(artifacts: &[Artifact], name: &str) -> Value {
+        let artifact = artifacts.iter().find(|artifact| artifact.name == name).unwrap();
+        serde_json::from_slice(&artifact.bytes).unwrap()
+    }
+
+    fn extras_of(artifacts: &[Artifact]) -> Value {
+        let glb = &artifacts.iter().find(|artifact| artifact.name == gltf::NAME).unwrap().bytes;
+        let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+        let document: Value = serde_json::from_slice(&glb[20..20 + length]).unwrap();
+        document["meshes"][0]["extras"]["emitter"].clone()
+    }
+
+    #[test]
+    fn every_document_satisfies_its_schema() {
+        for model in [fixture::model(), radiant_only(), hostile()] {
+            let artifacts = written(&model);
+            assert_valid(GONIOGRAMS, &json_of(&artifacts, goniograms::NAME));
+            assert_valid(REPORT, &json_of(&artifacts, report::NAME));
+            assert_valid(EXTRAS, &extras_of(&artifacts));
+        }
+    }
+
+    #[test]
+    fn the_schemas_refuse_what_they_should() {
+        let artifacts = written(&fixture::model());
+        let mut document = json_of(&artifacts, goniograms::NAME);
+        document["zones"][0]["luminous_intensity_cd"][0][0] = Value::from(-1.0);
+        let validator = jsonschema::validator_for(&serde_json::from_str(GONIOGRAMS).unwrap()).unwrap();
+        assert!(!validator.is_valid(&document));
+        let mut document = json_of(&artifacts, report::NAME);
+        document["balance"]["hit"].as_object_mut().unwrap().remove("rays");
+        let validator = jsonschema::validator_for(&serde_json::from_str(REPORT).unwrap()).unwrap();
+        assert!(!validator.is_valid(&document));
+    }
+
+    #[test]
+    fn files_come_in_the_order_of_the_zip_and_say_what_is_missing() {
+        let all = written(&fixture::model());
+        let expected = [
+            "README.txt",
+            "emitter.glb",
+            "goniograms.json",
+            "ies/total.ies",
+            "ies/zone_00_00.ies",
+            "ies/zone_00_01.ies",
+            "spectra.csv",
+            "plots/polar_total.svg",
+            "plots/polar_zone_00_00.svg",
+            "plots/polar_zone_00_01.svg",
+            "plots/zones.svg",
+            "plots/hull_stage.svg",
+            "plots/hull_exitance.svg",
+            "report.json",
+        ];
+        assert_eq!(names(&all), expected);
+        assert_eq!(json_of(&all, report::NAME)["notices"].as_array().unwrap().len(), 0);
+        let radiant = written(&radiant_only());
+        assert!(names(&radiant).iter().all(|name| !name.starts_with("ies/") && *name != "spectra.csv"));
+        let report = json_of(&radiant, report::NAME);
+        let codes: Vec<&str> =
+            report["notices"].as_array().unwrap().iter().map(|notice| notice["code"].as_str().unwrap()).collect();
+        assert_eq!(codes, ["artifacts.no_ies", "artifacts.no_spectra"]);
+        assert_eq!(report["flux"]["luminous_lm"], Value::Null);
+    }
+
+    #[test]
+    fn hostile_names_reach_no_path_and_no_markup() {
+        for artifact in written(&hostile()) {
+            assert!(artifact.name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"/._".contains(&byte)));
+            if artifact.media_type == "image/svg+xml" {
+                let text = String::from_utf8(artifact.bytes).unwrap();
+                assert!(
+                    !text.contains("<script") && !text.contains(['\u{0}', '\u{1b}', '\u{ffff}']),
+                    "{}",
+                    artifact.name
+                );
+                assert_eq!(text.matches("</svg>").count(), 1);
+            }
+        }
+    }
+
+    #[test]
+    fn numbers_that_are_not_finite_are_refused() {
+        let mut model = fixture::model();
+        model.goniograms.total.radiant_w_per_sr.as_mut().unwrap()[7] = f64::NAN;
+        let watch = StageWatch::enter(&Unwatched, Stage::Artifacts).unwrap();
+        assert!(matches!(write(&model, &RunOptions::default(), watch), Err(Error::Unreadable(_))));
+    }
+
+    #[test]
+    fn the_same_model_gives_the_same_zip_and_a_foreign_reader_gets_it_back() {
+        let artifacts = written(&fixture::model());
+        let bytes = zip(&artifacts).unwrap();
+        assert_eq!(bytes, zip(&written(&fixture::model())).unwrap());
+        let mut archive = ::zip::ZipArchive::new(Cursor::new(bytes)).unwrap();
+        assert_eq!(archive.len(), artifacts.len());
+        for (at, artifact) in artifacts.iter().enumerate() {
+            let mut file = archive.by_index(at).unwrap();
+            assert_eq!(file.name().unwrap(), artifact.name);
+            assert_eq!(file.last_modified(), Some(DateTime::DEFAULT));
+            let mut content = Vec::new();
+            file.read_to_end(&mut content).unwrap();
+            assert_eq!(content, artifact.bytes);
+        }
+    }
+
+    #[test]
+    fn cancelling_stops_the_writing() {
+        struct Impatient(std::sync::atomic::AtomicU32);
+        impl Watch for Impatient {
+            fn progress(&self, _: Stage, _: f64) {}
+            fn cancelled(&self) -> bool {
+                self.0.fetch_add(1, std::sync::atomic::Ordering::Relaxed) >= 2
+            }
+        }
+        let watch = Impatient(Default::default());
+        let watch = StageWatch::enter(&watch, Stage::Artifacts).unwrap();
+        assert!(matches!(write(&fixture::model(), &RunOptions::default(), watch), Err(Error::Cancelled)));
+    }
 }

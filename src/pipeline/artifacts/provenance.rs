@@ -68,11 +68,11 @@ pub fn source_name(model: &Model) -> String {
     model.origins.iter().map(|origin| origin.name.as_str()).collect::<Vec<_>>().join(" + ")
 }
 
-/// The first header text whose name contains `word`, any case, and that is not blank.
-pub fn header_text<'a>(model: &'a Model, word: &str) -> Option<&'a str> {
-    let texts = model.origins.iter().flat_map(|origin| &origin.texts);
-    texts
-        .filter(|(name, value)| name.to_ascii_lowercase().contains(word) && !value.trim().is_empty())
-        .map(|(_, value)| value.trim())
-        .next()
+/// The first header text that is not blank and whose name contains `words`: in any case, with blanks or underscores.
+pub fn header_text<'a>(model: &'a Model, words: &str) -> Option<&'a str> {
+    let mut texts = model.origins.iter().flat_map(|origin| &origin.texts);
+    let (_, value) = texts.find(|(name, value)| {
+        name.to_ascii_lowercase().replace('_', " ").contains(words) && !value.trim().is_empty()
+    })?;
+    Some(value.trim())
 }

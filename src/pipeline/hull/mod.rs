@@ -121,6 +121,13 @@ fn wrap_points(
     let joined = join::join(&mut solid, &light);
     let places = place::place(&joined, &light, &lattice);
     let hull = triangles::build(&joined, &places, &lattice, max_edge_mm, notices);
+    if hull.triangles.is_empty() {
+        return Err(Error::refused(
+            "hull.empty",
+            format!("The size filter of {max_edge_mm} mm leaves no triangle of the surface."),
+            "Choose a larger hull.max_edge_mm, or leave it out.",
+        ));
+    }
     watch.step(1.0)?;
     Ok(hull)
 }

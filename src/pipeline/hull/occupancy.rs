@@ -204,3 +204,43 @@ impl Occupancy {
         Bounds { min: cells_mm.min.max(self.extent_mm.min), max: cells_mm.max.min(self.extent_mm.max) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::rays::Ray;
+    use super::super::super::vocabulary::watch::{Stage, Unwatched};
+    use super::*;
+    use glam::DVec3;
+
+    #[test]
+    fn adding_up_fine_cells_is_counting_on_coarse_ones() {
+        let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+        let rays: Vec<Ray> = (0..5000)
+            .map(|k| f64::from(k) * golden)
+            .map(|t| Ray {
+                index: 0,
+                origin_mm: DVec3::new(3.0 * t.fract(), 1.3 * (7.0 * t).fract(), 0.4 * (31.0 * t).fract()),
+                direction: DVec3::Z,
+                radiant_w: 1.0,
+                luminous_lm: 0.0,
+                column: 0,
+                xz_lm: [0.0; 2],
+            })
+            .collect();
+        let bounds_mm = Bounds::of(rays.iter().map(|ray| ray.origin_mm));
+        let count_on = |lattice| {
+            let pass = |_: StageWatch<'_>, visit: &(dyn Fn(&[Ray]) + Sync)| {
+                rays.chunks(77).for_each(visit);
+                Ok(())
+            };
+            count(&pass, lattice, StageWatch::enter(&Unwatched, Stage::Hull).unwrap()).unwrap()
+        };
+        let fine = count_on(Lattice::fit_divisible(bounds_mm, 96));
+        assert_eq!(fine.counts.iter().sum::<u32>(), 5000);
+        for resolution in LADDER {
+            let coarse = fine.coarsened(fine.lattice.factors(resolution));
+            assert_eq!(coarse.lattice.resolution(), resolution);
+            assert_eq!(coarse.counts, count_on(coarse.lattice).counts, "at {resolution}");
+        }
+    }
+}

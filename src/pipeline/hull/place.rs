@@ -12,6 +12,10 @@ const AGREES: f64 = 0.3;
 const STIFFNESS: f64 = 0.05;
 /// Neighbouring normals with a smaller cosine make a crease.
 const CREASE: f64 = 0.5;
+/// Levels lie on a crease when their variance off the plane is more than this share of that within.
+const CREASED: f64 = 0.06;
+/// A face of a box is flat when its levels vary less, in cells.
+const EVEN: f64 = 0.03;
 /// Rounds in which vertices are evened out.
 const RELAXATIONS: usize = 8;
 
@@ -22,8 +26,8 @@ pub struct Placed {
     pub at_mm: DVec3,
     /// Unit normal of the surface there.
     pub normal: DVec3,
-    /// The points say so; else it stays at its lattice node.
-    by_points: bool,
+    /// May move sideways; vertices without points around them stay at their lattice nodes, those of sharp edges in the edge.
+    evens_out: bool,
 }
 
 /// Places each vertex.
@@ -40,16 +44,22 @@ pub fn place(joined: &Joined, light: &Light, lattice: &Lattice) -> Vec<Placed> {
         let (node_mm, normal) = (lattice.node_mm(*node), normal.normalize_or_zero());
         let levels = levels_around(*node, normal, light, lattice, &sides);
         match plane(&levels, normal, lattice) {
-            Some(plane) => Placed {
-                at_mm: node_mm + normal * plane.shift_mm(node_mm, normal, lattice),
-                normal: plane.normal,
-                by_points: true,
-            },
-            None => Placed { at_mm: node_mm, normal, by_points: false },
+            Some(plane) => {
+                let at_mm = node_mm + normal * plane.shift_mm(node_mm, normal, lattice);
+                let sharp_mm = plane.creased.then(|| sharpened_mm(at_mm, normal, &levels, lattice)).flatten();
+                Placed { at_mm: sharp_mm.unwrap_or(at_mm), normal: plane.normal, evens_out: sharp_mm.is_none() }
+            }
+            None => Placed { at_mm: node_mm, normal, evens_out: false },
         }
     };
     let mut places: Vec<Placed> = joined.nodes.iter().zip(normals).map(on_plane).collect();
     relax(joined, &mut places);
+    // All points lie within the lattice's box, and so does their surface.
+    let last = lattice.counts.map(|count| count - 1);
+    let box_mm = lattice.bounds_mm([0; 3], last);
+    for place in &mut places {
+        place.at_mm = place.at_mm.clamp(box_mm.min, box_mm.max);
+    }
     places
 }
 
@@ -58,7 +68,7 @@ pub fn place(joined: &Joined, light: &Light, lattice: &Lattice) -> Vec<Placed> {
 fn relax(joined: &Joined, places: &mut [Placed]) {
     let smooth = |vertex: usize, around: &Vec<u32>| {
         let normal = places[vertex].normal;
-        places[vertex].by_points && around.iter().all(|other| places[*other as usize].normal.dot(normal) > CREASE)
+        places[vertex].evens_out && around.iter().all(|other| places[*other as usize].normal.dot(normal) > CREASE)
     };
     let neighbours: Vec<Vec<u32>> = joined.neighbours();
     let movable: Vec<usize> =
@@ -87,6 +97,8 @@ struct Level {
     at_mm: DVec3,
     /// Falls off with the distance from the vertex.
     weight: f64,
+    /// Faces of the cell that are part of the surface, one bit each.
+    sides: u8,
     /// The cell touches the vertex.
     touches: bool,
 }
@@ -110,6 +122,7 @@ fn levels_around(node: Place, normal: DVec3, light: &Light, lattice: &Lattice, s
                 let steps = [0, 1, 2].map(|axis| (cell[axis] as f64 + 0.5 - node[axis] as f64).abs());
                 levels.extend(level.map(|at_mm| Level {
                     at_mm,
+                    sides: sides[index],
                     weight: steps.iter().map(|step| 1.0 - 0.5 * step).product(),
                     touches: steps.iter().all(|step| *step < 1.0),
                 }));
@@ -124,6 +137,8 @@ fn levels_around(node: Place, normal: DVec3, light: &Light, lattice: &Lattice, s
 struct Plane {
     at_mm: DVec3,
     normal: DVec3,
+    /// The levels are far from lying in one plane.
+    creased: bool,
 }
 
 impl Plane {
@@ -143,7 +158,25 @@ fn plane(levels: &[Level], normal: DVec3, lattice: &Lattice) -> Option<Plane> {
     let cell_mm = DMat3::from_diagonal(lattice.cell_mm * lattice.cell_mm);
     let flattest = flattest(spread + across * cell_mm * across * STIFFNESS, normal);
     let flattest = flattest * flattest.dot(normal).signum();
-    Some(Plane { at_mm, normal: if flattest.dot(normal) < AGREES { normal } else { flattest } })
+    let off_plane = flattest.dot(spread * flattest);
+    let creased = off_plane > CREASED * 0.5 * (trace(spread) - off_plane);
+    Some(Plane { at_mm, normal: if flattest.dot(normal) < AGREES { normal } else { flattest }, creased })
+}
+
+/// A vertex near the edge of a box: moved onto those flat faces of the box that it belongs to, by the cells that have no part in
+/// another face. `None` where there is no flat face.
+fn sharpened_mm(at_mm: DVec3, normal: DVec3, levels: &[Level], lattice: &Lattice) -> Option<DVec3> {
+    let mut sharp_mm = at_mm;
+    let mut found = false;
+    for axis in (0..3).filter(|axis| normal[*axis].abs() > AGREES) {
+        let only = side_bit(DVec3::AXES[axis] * normal[axis]);
+        let Some((mean_mm, spread)) = moments(levels.iter().filter(|level| level.sides == only)) else { continue };
+        if spread.col(axis)[axis] < (EVEN * lattice.cell_mm[axis]).powi(2) {
+            sharp_mm[axis] = mean_mm[axis];
+            found = true;
+        }
+    }
+    found.then_some(sharp_mm)
 }
 
 /// Weighted mean, mm, and covariance, mm², of levels; `None` without any.
@@ -160,13 +193,17 @@ fn moments<'a>(levels: impl Iterator<Item = &'a Level> + Clone) -> Option<(DVec3
     Some((mean, spread))
 }
 
+fn trace(m: DMat3) -> f64 {
+    m.x_axis.x + m.y_axis.y + m.z_axis.z
+}
+
 fn outer(v: DVec3) -> DMat3 {
     DMat3::from_cols(v * v.x, v * v.y, v * v.z)
 }
 
 /// Unit vector along which a covariance is least, of those that are equal the nearest to `start`: inverse iteration.
 pub fn flattest(spread: DMat3, start: DVec3) -> DVec3 {
-    let trace = spread.x_axis.x + spread.y_axis.y + spread.z_axis.z;
+    let trace = trace(spread);
     if trace <= 0.0 {
         return start;
     }

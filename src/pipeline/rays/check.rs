@@ -1,13 +1,18 @@
 //! What a ray must satisfy. Refused: it cannot be meant. Dropped: it carries no light. Repaired: its direction is normalised.
 
+use super::super::Error;
+use super::bytes::f32_in;
 use super::conversion::Conversion;
-use super::{Facts, RawRay, SpectralData};
+use super::{Bytes, Facts, RawRay, SpectralData};
 use glam::DVec3;
 
 /// Largest error of a direction's length that is still rounding of a writer (`FORMATS.md` 7).
 const LENGTH_TOLERANCE: f64 = 1e-3;
 /// Errors of length above this are told: text with 6 decimals stays below it.
 const LENGTH_NOTICED: f64 = 1e-5;
+
+/// Rays whose directions prove a layout that is not the standard's.
+const PROOF_RAYS: u64 = 64;
 
 /// Code of the notice for a direction that was off by more than text rounding.
 pub const NORMALIZED: &str = "rays.direction_normalized";
@@ -127,4 +132,21 @@ pub fn check(facts: &Facts, conversion: &Conversion, raw: &RawRay) -> Result<Che
         normalized: off > LENGTH_NOTICED,
         xz_repaired: xz[0] < 0.0 || xz[1] < 0.0,
     })
+}
+
+/// Most of the first directions are unit vectors when records of `record_bytes` start at byte `start` with a position and a
+/// direction in f32. A file cut short can have the length of another layout by accident, but not its directions.
+///
+/// # Errors
+/// [`Error::Unreadable`].
+pub fn directions_hold(bytes: &dyn Bytes, start: u64, record_bytes: u64, ray_count: u64) -> Result<bool, Error> {
+    let looked = ray_count.min(PROOF_RAYS) as usize;
+    let mut block = vec![0; looked * record_bytes as usize];
+    bytes.read_at(start, &mut block)?;
+    let unit = |record: &&[u8]| {
+        let direction = DVec3::from_array([12, 16, 20].map(|at| f64::from(f32_in(record, at))));
+        (direction.length() - 1.0).abs() <= LENGTH_TOLERANCE
+    };
+    let held = block.chunks_exact(record_bytes as usize).filter(unit).count();
+    Ok(looked > 0 && 10 * held >= 9 * looked)
 }

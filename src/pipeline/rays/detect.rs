@@ -51,7 +51,7 @@ fn not_read(code: &'static str, what: &str) -> Error {
 
 fn known_by_magic(start: &[u8]) -> Option<Error> {
     let code = i32_in(start, 0);
-    let asap = start.len() >= 4 && code >= 247 + 1024 * 7 && code <= 247 + 1024 * 16 && (code - 247) % 1024 == 0;
+    let asap = start.len() >= 4 && (247 + 1024 * 7..=247 + 1024 * 16).contains(&code) && (code - 247) % 1024 == 0;
     let error = if start.starts_with(b"version https://git-lfs") {
         let found = "This is a git-lfs pointer, not the ray file it stands for.";
         Error::refused("detect.git_lfs", found, "Fetch the file itself (`git lfs pull`) and send that.")

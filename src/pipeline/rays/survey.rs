@@ -38,10 +38,15 @@ impl DirectionCube {
 
     /// The cell a direction (any length but 0) falls into.
     pub fn cell(direction: DVec3) -> usize {
-        let axis = Axis::nearest(direction);
-        let k = axis.component();
-        let face = Axis::ALL.iter().position(|a| *a == axis).unwrap_or(0);
-        let depth = direction[k].abs();
+        let size = direction.abs();
+        // Ties go to z, then x: the order of `Axis::ALL`.
+        let (pair, k) = match size {
+            DVec3 { x, y, z } if z >= x && z >= y => (0, 2),
+            DVec3 { x, y, .. } if x >= y => (2, 0),
+            _ => (4, 1),
+        };
+        let face = pair + usize::from(direction[k] < 0.0);
+        let depth = size[k];
         let slot = |component: f64| {
             let place = 0.5 * CUBE_CELLS as f64 * (component / depth + 1.0);
             (place as usize).min(CUBE_CELLS - 1)

@@ -9,6 +9,7 @@ use super::super::vocabulary::notice::Notices;
 use super::super::vocabulary::spectrum::Table;
 use super::super::vocabulary::units::Flux;
 use super::bytes::{Cursor, ascii, f32_in, i32_in, u32_in};
+use super::check;
 use super::{Bytes, Facts, Format, RawRay, RaySet, Records, SpectralData, TotalRule};
 use std::sync::Arc;
 
@@ -31,7 +32,7 @@ const SWAP_RAYS: u64 = 64;
 /// As [`super::open`].
 pub fn open(bytes: Arc<dyn Bytes>, limits: &Limits) -> Result<RaySet, Error> {
     let header = Header::read(bytes.as_ref())?;
-    let layout = header.layout(bytes.len())?;
+    let layout = header.layout(bytes.as_ref())?;
     if u64::from(header.ray_count) > limits.max_rays {
         let found = format!("The file holds {} rays; {} are allowed.", header.ray_count, limits.max_rays);
         return Err(Error::refused("rays.too_many", found, "Thin the file out, or raise the limit.").at_byte(4));
@@ -54,7 +55,7 @@ pub fn peek(bytes: &dyn Bytes, length: Option<u64>) -> Result<(), Error> {
     bytes.read_at(0, &mut block)?;
     let header = Header { ray_count: u32_in(&block, 4), block };
     match length {
-        Some(length) => header.facts(&header.layout(length)?).map(|_| ()),
+        Some(_) => header.facts(&header.layout(bytes)?).map(|_| ()),
         None => Ok(()),
     }
 }
@@ -95,13 +96,17 @@ impl Header {
         Ok(Header { ray_count: u32_in(&block, 4), block })
     }
 
-    /// The layout that the length of the file proves.
-    fn layout(&self, length: u64) -> Result<Layout, Error> {
+    /// The layout that the length of the file and, under the long header, its directions prove.
+    fn layout(&self, bytes: &dyn Bytes) -> Result<Layout, Error> {
+        let length = bytes.len();
         let formats = [(HEADER, 192), (HEADER_LONG, 196)].map(|(start, at)| (start, i32_in(&self.block, at), at));
         let count = u64::from(self.ray_count);
         for (start, format, at) in formats {
             let record_bytes = if format == 2 { 32 } else { 28 };
-            if matches!(format, 0 | 2) && length == start + count * record_bytes {
+            if matches!(format, 0 | 2)
+                && length == start + count * record_bytes
+                && (start == HEADER || check::directions_hold(bytes, start, record_bytes, count)?)
+            {
                 return self.layout_at(start, format == 2, at);
             }
         }
@@ -244,5 +249,102 @@ impl Records for ZemaxRecords {
             }
         }));
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A file by the table of `FORMATS.md` 2: header fields by offset, then rays.
+    fn file(unit: i32, format: i32, flux_type: i32, rays: &[&[f32]]) -> Vec<u8> {
+        let mut bytes = vec![0; HEADER as usize];
+        let mut put = |at: usize, word: [u8; 4]| bytes[at..at + 4].copy_from_slice(&word);
+        put(0, 1010_i32.to_le_bytes());
+        put(4, (rays.len() as u32).to_le_bytes());
+        put(8, *b"hand");
+        put(108, 5.0_f32.to_le_bytes());
+        put(136, unit.to_le_bytes());
+        put(192, format.to_le_bytes());
+        put(196, flux_type.to_le_bytes());
+        bytes.extend(rays.iter().flat_map(|ray| ray.iter().flat_map(|value| value.to_le_bytes())));
+        bytes
+    }
+
+    const RAY: &[f32] = &[1.0, 2.0, 0.5, 0.0, 0.0, 1.0, 0.25];
+    const COLORED: &[f32] = &[1.0, 2.0, 0.5, 0.0, 0.0, 1.0, 0.125, 0.45];
+
+    fn opened(bytes: Vec<u8>) -> Result<(Facts, Vec<RawRay>), Error> {
+        let set = open(Arc::new(bytes), &Limits::default())?;
+        let mut rays = Vec::new();
+        set.records.read(0, set.facts.ray_count as usize, &mut rays)?;
+        Ok((set.facts, rays))
+    }
+
+    #[test]
+    fn units_and_fluxes() {
+        for (unit, mm) in [(0, 1000.0), (1, 25.4), (2, 10.0), (3, 304.8), (4, 1.0)] {
+            let (facts, rays) = opened(file(unit, 0, 1, &[RAY])).unwrap();
+            assert_eq!(rays[0].origin_mm, [mm, 2.0 * mm, 0.5 * mm]);
+            assert_eq!((rays[0].luminous, rays[0].radiant), (0.25, 0.0));
+            assert_eq!(facts.header_flux, Flux { radiant_w: None, luminous_lm: Some(5.0) });
+            assert_eq!(facts.spectral, SpectralData::None);
+            assert_eq!(facts.total_rule, TotalRule::RaySum);
+        }
+        let (facts, rays) = opened(file(4, 2, 0, &[COLORED, COLORED])).unwrap();
+        assert!((rays[1].wavelength_nm - 450.0).abs() < 1e-4 && rays[1].radiant == 0.125);
+        assert_eq!(facts.notices, Notices::default());
+        assert_eq!(facts.spectral, SpectralData::Wavelength);
+    }
+
+    #[test]
+    fn a_header_with_64_bit_long_is_read_with_a_notice() {
+        for (format, ray) in [(0, RAY), (2, COLORED)] {
+            let mut bytes = file(4, format, 0, &[ray]);
+            bytes.splice(140..140, [0; 4]);
+            let (facts, rays) = opened(bytes).unwrap();
+            assert_eq!(facts.notices.count_of("zemax.long_header"), 1);
+            assert_eq!(rays[0].origin_mm, [1.0, 2.0, 0.5]);
+        }
+    }
+
+    #[test]
+    fn swapped_columns_are_told_and_not_touched() {
+        let swapped: &[f32] = &[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.486, 1.0];
+        let (facts, rays) = opened(file(4, 2, 0, &[swapped; 3])).unwrap();
+        assert_eq!(facts.notices.count_of("zemax.swapped_columns"), 1);
+        assert_eq!(rays[0].wavelength_nm, 1000.0);
+    }
+
+    #[test]
+    fn a_header_wavelength_is_that_of_all_rays_and_nan_is_none() {
+        for (um, expected) in [(0.55_f32, 1), (f32::NAN, 0), (0.0, 0), (-1.0, 0), (500.0, 0)] {
+            let mut bytes = file(4, 0, 0, &[RAY]);
+            bytes[116..120].copy_from_slice(&um.to_le_bytes());
+            let (facts, _) = opened(bytes).unwrap();
+            assert_eq!(facts.notices.count_of("zemax.header_wavelength"), expected);
+            assert_eq!(facts.spectral.tables().len() as u64, expected);
+        }
+    }
+
+    #[test]
+    fn wrong_headers_name_their_byte() {
+        let cases = [
+            (file(5, 0, 0, &[RAY]), "zemax.unit"),
+            (file(4, 1, 0, &[RAY]), "zemax.ray_format"),
+            (file(4, 0, 2, &[RAY]), "zemax.flux_type"),
+            (file(4, 2, 0, &[RAY]), "zemax.size"),
+            (file(4, 0, 0, &[COLORED]), "zemax.size"),
+        ];
+        for (bytes, code) in cases {
+            assert_eq!(opened(bytes).unwrap_err().code(), code);
+        }
+        let whole = file(4, 0, 0, &[RAY, RAY]);
+        for length in 4..whole.len() {
+            let Err(Error::Malformed(fault)) = opened(whole[..length].to_vec()) else { panic!("{length}") };
+            assert!(fault.at.is_some());
+        }
+        let limits = Limits { max_rays: 1, ..Limits::default() };
+        assert_eq!(open(Arc::new(whole), &limits).err().unwrap().code(), "rays.too_many");
     }
 }

@@ -5,7 +5,9 @@ use axum::body::to_bytes;
 use axum::extract::{FromRequest, FromRequestParts, Request};
 use axum::http::header::CONTENT_TYPE;
 use axum::http::request::Parts;
+use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde_json::Value;
 
 /// Largest JSON body, bytes.
 const MAX_JSON_BYTES: usize = 64 << 10;
@@ -13,7 +15,7 @@ const MAX_JSON_BYTES: usize = 64 << 10;
 /// A JSON body.
 pub struct Body<T>(pub T);
 
-impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Body<T> {
+impl<T: DeserializeOwned + Serialize, S: Send + Sync> FromRequest<S> for Body<T> {
     type Rejection = Problem;
 
     async fn from_request(request: Request, _state: &S) -> Result<Body<T>, Problem> {
@@ -30,17 +32,27 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Body<T> {
             Err(error) if is_length_limit(&error) => return Err(Problem::body_too_large(MAX_JSON_BYTES as u64)),
             Err(error) => return Err(Problem::body_truncated(&error.to_string())),
         };
-        let mut json = serde_json::Deserializer::from_slice(&bytes);
-        let value = serde_path_to_error::deserialize(&mut json).map_err(|error| {
-            let path = error.path().to_string();
-            let inner = error.into_inner();
-            match inner.classify() {
-                serde_json::error::Category::Data => Problem::wrong_shape(&path, &without_place(&inner.to_string())),
-                _ => Problem::malformed_json(format!("{inner}.")),
-            }
-        })?;
-        json.end().map_err(|error| Problem::malformed_json(format!("{error}.")))?;
-        Ok(Body(value))
+        let json: Value =
+            serde_json::from_slice(&bytes).map_err(|error| Problem::malformed_json(format!("{error}.")))?;
+        let value: T = serde_path_to_error::deserialize(&json)
+            .map_err(|error| Problem::wrong_shape(&error.path().to_string(), &error.inner().to_string()))?;
+        let meant = serde_json::to_value(&value).unwrap_or_default();
+        match list_for_object(&json, &meant, String::new()) {
+            Some(path) => Err(Problem::wrong_shape(&path, "invalid type: sequence, expected an object")),
+            None => Ok(Body(value)),
+        }
+    }
+}
+
+/// The path of a list that was `sent` where an object is `meant`: serde would read it as the object's fields in order.
+fn list_for_object(sent: &Value, meant: &Value, path: String) -> Option<String> {
+    match (sent, meant) {
+        (Value::Array(_), Value::Object(_)) => Some(if path.is_empty() { "body".to_owned() } else { path }),
+        (Value::Object(sent), Value::Object(meant)) => sent.iter().find_map(|(name, value)| {
+            let dot = if path.is_empty() { "" } else { "." };
+            list_for_object(value, meant.get(name)?, format!("{path}{dot}{name}"))
+        }),
+        _ => None,
     }
 }
 
@@ -53,11 +65,6 @@ fn is_length_limit(error: &axum::Error) -> bool {
         cause = inner.source();
     }
     false
-}
-
-/// serde's sentence without " at line 1 column 2": the path says it better.
-fn without_place(sentence: &str) -> String {
-    sentence.rsplit_once(" at line ").map_or(sentence, |(sentence, _)| sentence).to_owned()
 }
 
 /// The placeholders of a path.

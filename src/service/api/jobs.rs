@@ -16,11 +16,12 @@ use utoipa::ToSchema;
 
 /// Most ray sets of one source.
 const MAX_RAY_SETS: usize = 8;
-/// Share of a run's time each stage takes, in the order of [`Stage::ALL`], per cent: measured on 10 million rays.
+/// Share of the whole each stage stands for, in the order of [`Stage::ALL`], per cent: by how often it reads the rays (once,
+/// once, once with tracing, once with spectra). Only progress bars depend on it.
 const STAGE_WEIGHTS: [f64; 6] = [20.0, 15.0, 30.0, 30.0, 2.0, 3.0];
 
 /// A job to be.
-#[derive(Debug, Deserialize, ToSchema)]
+#[derive(Debug, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewJob {
     /// Identifiers of the ray sets that are one source, in one frame.

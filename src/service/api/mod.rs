@@ -66,7 +66,7 @@ pub struct Api {
     pub draining: CancellationToken,
 }
 
-/// Bytes of a file, in the contract.
+/// The bytes of a file.
 #[derive(ToSchema)]
 #[schema(value_type = String, format = Binary)]
 pub struct Binary(#[expect(dead_code, reason = "a schema, never a value")] Vec<u8>);

@@ -8,12 +8,19 @@ use futures::{StreamExt, TryStreamExt};
 use object_store::local::LocalFileSystem;
 use object_store::path::Path;
 use object_store::{GetOptions, GetRange, ObjectStore, ObjectStoreExt};
+use std::io;
 use std::ops::Range;
+use std::path::PathBuf;
 use std::sync::Arc;
+use tokio::task::spawn_blocking;
 
 /// The store. Cheap to clone.
 #[derive(Clone)]
-pub struct Blobs(Arc<dyn ObjectStore>);
+pub struct Blobs {
+    store: Arc<dyn ObjectStore>,
+    /// Where the local store keeps its files.
+    folder: PathBuf,
+}
 
 impl Blobs {
     /// Opens the store at `url`: `file:<folder>`.
@@ -27,7 +34,7 @@ impl Blobs {
         std::fs::create_dir_all(folder).map_err(|error| Error::Blobs(Box::new(error)))?;
         // A row that names a blob must not outlive it in a power cut: off by default in this library.
         let store = LocalFileSystem::new_with_prefix(folder)?.with_fsync(true).with_automatic_cleanup(true);
-        Ok(Blobs(Arc::new(store)))
+        Ok(Blobs { store: Arc::new(store), folder: folder.into() })
     }
 
     /// Writes a blob, durably.
@@ -35,7 +42,7 @@ impl Blobs {
     /// # Errors
     /// [`Error::Full`]; the store did not answer.
     pub async fn put(&self, key: &str, bytes: Bytes) -> Result<(), Error> {
-        self.0.put(&Path::from(key), bytes.into()).await?;
+        self.store.put(&Path::from(key), bytes.into()).await?;
         Ok(())
     }
 
@@ -44,7 +51,7 @@ impl Blobs {
     /// # Errors
     /// The store did not answer, or has no such blob or range.
     pub async fn read(&self, key: &str, range: Range<u64>) -> Result<Bytes, Error> {
-        Ok(self.0.get_range(&Path::from(key), range).await?)
+        Ok(self.store.get_range(&Path::from(key), range).await?)
     }
 
     /// Bytes `range` of a blob, as they come.
@@ -61,7 +68,7 @@ impl Blobs {
             return Ok(futures::stream::empty().boxed());
         }
         let options = GetOptions { range: Some(GetRange::Bounded(range)), ..GetOptions::default() };
-        Ok(self.0.get_opts(&Path::from(key), options).await?.into_stream().map_err(Error::from).boxed())
+        Ok(self.store.get_opts(&Path::from(key), options).await?.into_stream().map_err(Error::from).boxed())
     }
 
     /// Deletes a blob; one that is gone already is no error.
@@ -69,7 +76,7 @@ impl Blobs {
     /// # Errors
     /// The store did not answer.
     pub async fn delete(&self, key: &str) -> Result<(), Error> {
-        match self.0.delete(&Path::from(key)).await {
+        match self.store.delete(&Path::from(key)).await {
             Err(object_store::Error::NotFound { .. }) => Ok(()),
             other => Ok(other?),
         }
@@ -80,8 +87,19 @@ impl Blobs {
     /// # Errors
     /// The store did not answer.
     pub async fn list(&self, prefix: &str) -> Result<Vec<String>, Error> {
-        let metas = self.0.list(Some(&Path::from(prefix)));
+        let metas = self.store.list(Some(&Path::from(prefix)));
         Ok(metas.map_ok(|meta| meta.location.to_string()).try_collect().await?)
+    }
+
+    /// Deletes what the local store was writing when its process was killed: `<key>#<number>`, which it does not list. Only
+    /// right while nobody writes. How many.
+    ///
+    /// # Errors
+    /// The folder cannot be walked.
+    pub async fn delete_unfinished(&self) -> Result<usize, Error> {
+        let folder = self.folder.clone();
+        let deleted = spawn_blocking(move || delete_unfinished_in(&folder)).await;
+        deleted.map_err(|error| Error::Blobs(Box::new(error)))?.map_err(|error| Error::Blobs(Box::new(error)))
     }
 
     /// Deletes every blob in the folder `prefix`.
@@ -96,11 +114,25 @@ impl Blobs {
     }
 }
 
+fn delete_unfinished_in(folder: &std::path::Path) -> io::Result<usize> {
+    let mut deleted = 0;
+    for entry in std::fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry.file_type()?.is_dir() {
+            deleted += delete_unfinished_in(&entry.path())?;
+        } else if entry.file_name().to_string_lossy().contains('#') {
+            std::fs::remove_file(entry.path())?;
+            deleted += 1;
+        }
+    }
+    Ok(deleted)
+}
+
 impl From<object_store::Error> for Error {
     fn from(error: object_store::Error) -> Error {
         let mut cause: Option<&(dyn std::error::Error + 'static)> = Some(&error);
         while let Some(inner) = cause {
-            if inner.downcast_ref::<std::io::Error>().is_some_and(|io| io.kind() == std::io::ErrorKind::StorageFull) {
+            if inner.downcast_ref::<io::Error>().is_some_and(|error| error.kind() == io::ErrorKind::StorageFull) {
                 return Error::Full;
             }
             cause = inner.source();

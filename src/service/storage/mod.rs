@@ -83,7 +83,7 @@ impl Storage {
     pub async fn sweep(&self) -> Result<usize, Error> {
         let rows = self.records.read(sql("SELECT blob FROM parts UNION ALL SELECT blob FROM artifacts")).await?;
         let named = rows.iter().map(|row| row.text("blob")).collect::<Result<HashSet<String>, Error>>()?;
-        let mut swept = 0;
+        let mut swept = self.blobs.delete_unfinished().await?;
         for key in self.blobs.list("").await?.iter().filter(|key| !named.contains(*key)) {
             self.blobs.delete(key).await?;
             swept += 1;

@@ -19,8 +19,14 @@ use glam::DVec3;
 const MOST_POLYGONS: usize = 20_000;
 /// Where the surface is drawn, px: left, top, width, height.
 const STAGE: [f64; 4] = [30.0, 80.0, 560.0, 460.0];
+/// Most triangles whose edges are drawn: finer edges would hide the faces.
+const MOST_EDGES: usize = 4_000;
 /// Size of a raster cell, px.
-const CELL_PX: f64 = 1.4;
+const CELL_PX: f64 = 1.0;
+/// Style of faces without edges: no seams.
+const CRISP: &str = "shape-rendering=\"crispEdges\"";
+/// Style of faces with edges.
+const EDGES: &str = "stroke=\"#ffffff\" stroke-opacity=\"0.5\" stroke-width=\"0.6\" stroke-linejoin=\"round\"";
 /// Directions to the eye: above the horizon, and from C0 towards the viewer.
 const ELEVATION_DEG: f64 = 32.0;
 const AZIMUTH_DEG: f64 = -58.0;
@@ -47,7 +53,8 @@ pub fn stage(model: &Model) -> Artifact {
         .enumerate()
         .map(|(triangle, label)| shaded(label_color(*label), hull.normal(triangle).dot(view.to_eye).abs()))
         .collect();
-    view.draw(&mut svg, model, &colors, "stroke=\"#1d2733\" stroke-opacity=\"0.35\" stroke-width=\"0.4\"");
+    let style = if hull.triangles.len() <= MOST_EDGES { EDGES } else { CRISP };
+    view.draw(&mut svg, model, &colors, style);
     let mut x = 30.0;
     for (label, count) in counts {
         let name = match label {
@@ -78,7 +85,7 @@ pub fn exitance_map(model: &Model) -> Artifact {
     let subtitle = format!("exitance   ·   mean {} {unit}   ·   max {} {unit}{clipped}", text(mean, 4), text(max, 4));
     let mut svg = Svg::sheet(680.0, 600.0, &one_line(&source_name(model), 64), &subtitle);
     let colors: Vec<[u8; 3]> = values.iter().map(|value| viridis(value / top.max(f64::MIN_POSITIVE))).collect();
-    View::new(model).draw(&mut svg, model, &colors, "shape-rendering=\"crispEdges\"");
+    View::new(model).draw(&mut svg, model, &colors, CRISP);
     color_bar(&mut svg, [604.0, 130.0], 330.0, top, unit);
     svg.artifact("plots/hull_exitance.svg")
 }
@@ -94,7 +101,7 @@ fn scale_top(values: &[f64], max: f64) -> f64 {
 /// Brighter where it faces the eye, so that the shape is seen.
 fn shaded(color: [u8; 3], facing: f64) -> [u8; 3] {
     let facing = (facing * 16.0).round() / 16.0; // few shades: rows of equal colour stay long
-    color.map(|component| (f64::from(component) * (0.62 + 0.38 * facing)).round() as u8)
+    color.map(|component| (f64::from(component) * (0.72 + 0.28 * facing)).round() as u8)
 }
 
 /// Where the eye is and how mm become px.
@@ -173,7 +180,7 @@ impl View {
     }
 
     fn ruler(&self, svg: &mut Svg) {
-        let length_mm = nice_step(STAGE[2] / self.px_per_mm, 6.0);
+        let length_mm = nice_step(STAGE[2] / self.px_per_mm, 5.0);
         let [x, y] = [620.0 - length_mm * self.px_per_mm, 576.0];
         svg.line([x, y], [620.0, y], INK, 2.0);
         svg.label(626.0, y + 4.0, 12.0, Anchor::Start, INK, &format!("{} mm", text(length_mm, 3)));
@@ -185,7 +192,7 @@ fn polygons(svg: &mut Svg, triangles: &[[[f64; 3]; 3]], colors: &[[u8; 3]], styl
     let depth = |triangle: usize| triangles[triangle].iter().map(|corner| corner[2]).sum::<f64>();
     let mut order: Vec<usize> = (0..triangles.len().min(colors.len())).collect();
     order.sort_by(|a, b| depth(*a).total_cmp(&depth(*b)));
-    svg.put(format_args!("<g {style} stroke-linejoin=\"round\">\n"));
+    svg.put(format_args!("<g {style}>\n"));
     for triangle in order {
         let [a, b, c] = triangles[triangle];
         svg.put(format_args!(
@@ -200,4 +207,54 @@ fn polygons(svg: &mut Svg, triangles: &[[[f64; 3]; 3]], colors: &[[u8; 3]], styl
         ));
     }
     svg.put(format_args!("</g>\n"));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::fixture;
+    use super::*;
+
+    /// A rough sheet of `2 n²` triangles, each as bright as chance has it: the worst case for runs of equal colour.
+    fn rough(n: u32) -> Model {
+        let mut model = fixture::model();
+        let hull = &mut model.hull;
+        let at = |row: u32, column: u32| row * (n + 1) + column;
+        let cell = |k: u32| (0..=n).flat_map(move |row| (0..=n).map(move |column| [row, column][k as usize]));
+        hull.vertices_mm =
+            cell(0).zip(cell(1)).map(|(row, column)| DVec3::new(f64::from(column), f64::from(row), 0.0)).collect();
+        hull.triangles = (0..n * n)
+            .map(|cell| (cell / n, cell % n))
+            .flat_map(|(row, column)| {
+                let corner = at(row + 1, column + 1);
+                [[at(row, column), at(row, column + 1), corner], [at(row, column), corner, at(row + 1, column)]]
+            })
+            .collect();
+        hull.labels = vec![Label::Projected; hull.triangles.len()];
+        let bright = |vertex: usize| (vertex as u32).wrapping_mul(2_654_435_761) as f64;
+        model.surface.vertices.luminous_lm = Some((0..hull.vertices_mm.len()).map(bright).collect());
+        model
+    }
+
+    #[test]
+    fn drawings_stay_below_3_mb_on_both_sides_of_the_threshold() {
+        for n in [99, 101, 400] {
+            let model = rough(n);
+            for drawing in [stage(&model), exitance_map(&model)] {
+                let text = String::from_utf8(drawing.bytes).unwrap();
+                let polygons = text.matches("Z\" fill=").count();
+                let triangles = model.hull.triangles.len();
+                assert_eq!(polygons, if triangles <= MOST_POLYGONS { triangles } else { 0 });
+                assert!((4_000..3_000_000).contains(&text.len()), "{n}: {} bytes", text.len());
+            }
+        }
+    }
+
+    #[test]
+    fn the_view_looks_down_on_the_emission() {
+        let view = View::new(&fixture::model());
+        assert!(view.to_eye.dot(DVec3::Z) > 0.0 && view.up.dot(DVec3::Z) > 0.0 && view.right.dot(DVec3::X) > 0.0);
+        assert!((view.right.cross(view.up) - view.to_eye).length() < 1e-12, "right-handed: no mirror image");
+        let [near, far] = [DVec3::Z, DVec3::NEG_Z].map(|point| view.place(point));
+        assert!(near[2] > far[2] && near[1] < far[1]);
+    }
 }

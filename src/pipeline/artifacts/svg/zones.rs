@@ -13,6 +13,8 @@ pub const NAME: &str = "plots/zones.svg";
 
 const CORNER: [f64; 2] = [70.0, 90.0];
 const LARGEST: f64 = 460.0;
+/// Height of the colour bar.
+const BAR: f64 = 240.0;
 /// Shortest drawn side: a lattice along a line stays visible.
 const SMALLEST: f64 = 60.0;
 
@@ -34,8 +36,9 @@ pub fn artifact(model: &Model) -> Artifact {
         lattice.rows,
         text(total, 4)
     );
-    let mut svg = Svg::sheet(660.0, 640.0, &one_line(&source_name(model), 64), &subtitle);
     let size = map_size([0, 1].map(|k| lattice.max_mm[k] - lattice.min_mm[k]));
+    let height = CORNER[1] + size[1].max(BAR) + 90.0;
+    let mut svg = Svg::sheet(680.0, height, &one_line(&source_name(model), 64), &subtitle);
     let cell = [size[0] / lattice.columns as f64, size[1] / lattice.rows as f64];
     svg.rect(CORNER, size, "#eef1f4");
     for (zone, flux) in goniograms.zones.iter().zip(&flux) {
@@ -48,17 +51,14 @@ pub fn artifact(model: &Model) -> Artifact {
         cell_words(&mut svg, corner, cell, ink, &words);
     }
     axes(&mut svg, model, size);
-    color_bar(&mut svg, [570.0, CORNER[1] + 20.0], 300.0, max, &format!("{unit} per zone"));
+    color_bar(&mut svg, [580.0, CORNER[1] + 20.0], BAR, max, &format!("{unit} per zone"));
     svg.artifact(NAME)
 }
 
 /// Drawn size of a map of `span` mm: the longer side fills the sheet.
 fn map_size(span: [f64; 2]) -> [f64; 2] {
     let longest = span[0].max(span[1]);
-    if !(longest > 0.0) {
-        return [LARGEST / 2.0; 2];
-    }
-    span.map(|side| (LARGEST * side / longest).max(SMALLEST))
+    if longest > 0.0 { span.map(|side| (LARGEST * side / longest).max(SMALLEST)) } else { [LARGEST / 2.0; 2] }
 }
 
 /// As many of `words` as fit: all three, or the first.

@@ -2,7 +2,7 @@
 
 use super::super::super::Error;
 use super::super::super::vocabulary::notice::Notices;
-use super::super::bytes::f32_in;
+use super::super::check;
 use super::super::{Bytes, RawRay, Records};
 use super::header::{Flags, Header};
 use super::{ALIGNMENT, additional::COLUMN_NAME_BYTES};
@@ -10,9 +10,6 @@ use std::sync::Arc;
 
 /// Stokes columns: S1 S2 S3 and the ellipse's axis, as all readers do it, or without the axis, as the 2013 text reads.
 const STOKES: [u64; 2] = [6, 3];
-
-/// Rays whose directions prove a layout that is not the standard's.
-const PROOF_RAYS: u64 = 64;
 
 /// Where the records are and which column is what; columns count numbers from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,7 +39,8 @@ impl Layout {
                 let layout = Layout::new(header, additional_start, stokes);
                 let standard = additional_start == padded && stokes == STOKES[0];
                 if layout.length(header.ray_count) != u128::from(length)
-                    || !(standard || layout.directions_hold(bytes, header.ray_count)?)
+                    || !(standard
+                        || check::directions_hold(bytes, layout.start, layout.record_bytes(), header.ray_count)?)
                 {
                     continue;
                 }
@@ -106,20 +104,6 @@ impl Layout {
     /// The rays are polarised.
     pub fn has_stokes(&self) -> bool {
         self.stokes.is_some()
-    }
-
-    /// Most of the first directions are unit vectors under this layout: a file cut short can have the length of another
-    /// layout by accident, but not its directions.
-    fn directions_hold(&self, bytes: &dyn Bytes, ray_count: u64) -> Result<bool, Error> {
-        let looked = ray_count.min(PROOF_RAYS) as usize;
-        let mut block = vec![0; looked * self.record_bytes() as usize];
-        bytes.read_at(self.start, &mut block)?;
-        let unit = |record: &[u8]| {
-            let direction = [12, 16, 20].map(|at| f64::from(f32_in(record, at)));
-            (direction.map(|k| k * k).iter().sum::<f64>() - 1.0).abs() < 2e-3
-        };
-        let held = block.chunks_exact(self.record_bytes() as usize).filter(|record| unit(record)).count();
-        Ok(looked > 0 && 10 * held >= 9 * looked)
     }
 
     /// Length of the whole file.

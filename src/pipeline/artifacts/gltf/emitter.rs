@@ -1,17 +1,17 @@
 //! `meshes[0].extras.emitter` of the glTF: what the attributes mean, and the vertex spectra as numbers
 //! (`openapi/emitter-extras.schema.json`).
 
-use super::super::Options as RunOptions;
-use super::super::flux::Amounts;
-use super::super::goniogram::Zone;
-use super::super::hull::Label;
-use super::super::model::Model;
-use super::super::rays::source::Columns;
-use super::Spectra;
-use super::exitance::Colors;
-use super::goniograms::{self, Box3, FrameFacts, Spectrum};
-use super::number::{Numbers, SUM_DIGITS, rounded, sum};
-use super::provenance::Provenance;
+use super::super::super::Options as RunOptions;
+use super::super::super::flux::Amounts;
+use super::super::super::goniogram::Zone;
+use super::super::super::hull::Label;
+use super::super::super::model::Model;
+use super::super::super::rays::source::Columns;
+use super::super::Spectra;
+use super::super::exitance::Colors;
+use super::super::goniograms::{self, Box3, FrameFacts, Spectrum};
+use super::super::number::{Numbers, SUM_DIGITS, rounded, sum};
+use super::super::provenance::Provenance;
 use serde::{Serialize, Serializer};
 
 /// Attribute of the vertices' radiant flux, W.
