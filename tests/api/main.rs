@@ -1,6 +1,8 @@
 //! The service through its front door: every test is a client, then looks at everything that can be seen: the response, the
 //! stored files, the rows, the queue.
 
+#![expect(clippy::unwrap_used, clippy::panic, reason = "what a test stumbles over is its finding")]
+
 #[path = "../support/rays.rs"]
 mod rays;
 #[path = "../support/runners.rs"]

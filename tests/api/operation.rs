@@ -78,9 +78,9 @@ async fn it_answers_at_once_while_jobs_use_every_core() {
         "/healthz, two jobs on {cores} cores: median {:?}, p99 {:?}, max {:?}",
         times[100], times[198], times[199]
     );
-    // A hundred times what was measured (0.4 ms on 2 cores), and far below what a blocked thread would take: the jobs last
-    // until the gate opens.
-    assert!(times[100] < Duration::from_millis(40), "{:?}", times[100]);
+    // Measured: 0.7 ms on 2 cores that others used too. A blocked thread would take for ever: the jobs last until the gate
+    // opens.
+    assert!(times[100] < Duration::from_millis(250), "{:?}", times[100]);
     gate.open();
     for job in &jobs {
         site.until_state(job, "succeeded").await;

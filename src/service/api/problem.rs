@@ -19,21 +19,25 @@ pub const MEDIA_TYPE: &str = "application/problem+json";
 pub struct Problem {
     /// `urn:lampwright:problem:<code>`.
     #[serde(rename = "type")]
-    pub kind: String,
+    #[schema(value_type = String)]
+    pub kind: Box<str>,
     /// The kind of problem, for a person.
     pub title: Cow<'static, str>,
     /// The HTTP status.
     pub status: u16,
     /// What was found.
-    pub detail: String,
+    #[schema(value_type = String)]
+    pub detail: Box<str>,
     /// Stable: programs may depend on it.
     pub code: Cow<'static, str>,
     /// Where: "byte 20", "option hull.resolution", a path in the body.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub at: Option<String>,
+    #[schema(value_type = Option<String>)]
+    pub at: Option<Box<str>>,
     /// What to do.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub remedy: Option<String>,
+    #[schema(value_type = Option<String>)]
+    pub remedy: Option<Box<str>>,
 }
 
 impl Problem {
@@ -44,21 +48,21 @@ impl Problem {
         detail: impl Into<String>,
     ) -> Problem {
         let (code, title) = (code.into(), title.into());
-        let kind = format!("urn:lampwright:problem:{code}");
-        Problem { kind, title, status: status.as_u16(), detail: detail.into(), code, at: None, remedy: None }
+        let kind = format!("urn:lampwright:problem:{code}").into();
+        Problem { kind, title, status: status.as_u16(), detail: detail.into().into(), code, at: None, remedy: None }
     }
 
     fn at(self, at: impl Into<String>) -> Problem {
-        Problem { at: Some(at.into()), ..self }
+        Problem { at: Some(at.into().into()), ..self }
     }
 
     fn remedy(self, remedy: impl Into<String>) -> Problem {
-        Problem { remedy: Some(remedy.into()), ..self }
+        Problem { remedy: Some(remedy.into().into()), ..self }
     }
 
     fn of(status: StatusCode, failure: Failure) -> Problem {
         let problem = Problem::new(status, failure.code, failure.title, failure.detail);
-        Problem { at: failure.at, remedy: failure.remedy, ..problem }
+        Problem { at: failure.at.map(Into::into), remedy: failure.remedy.map(Into::into), ..problem }
     }
 
     /// No route has this path.
