@@ -96,7 +96,11 @@ fn spectra_sum_to_the_sources(source: &KnownSource, model: &Model) {
         watt.iter_mut().zip(spectrum).zip(bands.widths_nm()).for_each(|((sum, value), width)| *sum += value * width);
     }
     let total: f64 = watt.iter().sum();
-    assert!((total / model.surface.balance.on_vertices.radiant_w.unwrap() - 1.0).abs() < 1e-9, "{}: {total} W", source.name);
+    assert!(
+        (total / model.surface.balance.on_vertices.radiant_w.unwrap() - 1.0).abs() < 1e-9,
+        "{}: {total} W",
+        source.name
+    );
     let per_ray = source.radiant_w() / RAYS as f64;
     let rays = |watt: &[f64]| watt.iter().map(|watt| watt / per_ray).collect::<Vec<f64>>();
     if source.has_one_spectrum() {
@@ -119,7 +123,11 @@ fn zones_of_lambertian_sources_are_cosines() {
         let per_ray = source.radiant_w() / RAYS as f64;
         for zone in &model.goniograms.zones {
             let counted = counts(&zone.goniogram, grid, per_ray);
-            judge(&format!("{name} zone {} {}", zone.row, zone.column), &counted, &expected(grid, zone.goniogram.rays, share));
+            judge(
+                &format!("{name} zone {} {}", zone.row, zone.column),
+                &counted,
+                &expected(grid, zone.goniogram.rays, share),
+            );
         }
     }
 }
@@ -163,7 +171,8 @@ fn quadrants_of_the_dome_are_the_integral_of_its_radiance() {
                 for j in 0..steps {
                     let azimuth = (j as f64 + 0.5) / steps as f64 * 0.5 * PI;
                     let across = (1.0 - z * z).sqrt();
-                    let normal = sx * across * azimuth.cos() * frame.x() + sy * across * azimuth.sin() * frame.y() - z * frame.z();
+                    let normal = sx * across * azimuth.cos() * frame.x() + sy * across * azimuth.sin() * frame.y()
+                        - z * frame.z();
                     let cosine = normal.dot(direction);
                     if cosine > 0.0 {
                         sum += source.radiance_w_per_mm2_sr(radius_mm * normal, direction) * cosine;
@@ -182,7 +191,12 @@ fn quadrants_of_the_dome_are_the_integral_of_its_radiance() {
             norm += mu * mu;
         }
         let error = ((square - noise).max(0.0) / norm).sqrt();
-        println!("dome quadrant {} {}: L2 error {error:.4} beside noise {:.4}", zone.row, zone.column, (noise / norm).sqrt());
+        println!(
+            "dome quadrant {} {}: L2 error {error:.4} beside noise {:.4}",
+            zone.row,
+            zone.column,
+            (noise / norm).sqrt()
+        );
         assert!(error < 0.02, "quadrant {} {}: {error}", zone.row, zone.column);
     }
 }
@@ -200,7 +214,8 @@ fn halves_of_the_cylinder_mirror_each_other() {
     assert_eq!(model.hull.boundary_edges(), 0, "a glowing volume has a closed hull");
     let grid = &model.goniograms.grid;
     let per_ray = source.radiant_w() / RAYS as f64;
-    let halves: Vec<Vec<f64>> = model.goniograms.zones.iter().map(|zone| counts(&zone.goniogram, grid, per_ray)).collect();
+    let halves: Vec<Vec<f64>> =
+        model.goniograms.zones.iter().map(|zone| counts(&zone.goniogram, grid, per_ray)).collect();
     // z → −z takes C to 180° − C.
     let mirrored = |(c, gamma): (f64, f64)| grid.cell((PI - c).rem_euclid(TAU), gamma);
     let (mut lower, mut mean) = (Vec::new(), Vec::new());

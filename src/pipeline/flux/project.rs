@@ -33,26 +33,27 @@ pub struct Landing {
 }
 
 /// Lays rays on a hull.
-pub struct Projector<'a> {
-    hull: &'a Hull,
+pub struct Projector {
+    /// Corners of each triangle, mm: side by side, because every ray asks for many.
+    corners_mm: Vec<[DVec3; 3]>,
     bvh: Bvh,
     /// Farther than this from the surface nothing is snapped, mm: a cell's diagonal.
     tolerance_mm: f64,
 }
 
-impl<'a> Projector<'a> {
+impl Projector {
     /// Indexes `hull`.
-    pub fn new(hull: &'a Hull) -> Projector<'a> {
-        let boxes: Vec<Bounds> =
-            (0..hull.triangles.len()).map(|triangle| Bounds::of(hull.corners_mm(triangle))).collect();
-        Projector { hull, bvh: Bvh::new(&boxes), tolerance_mm: hull.cell_mm.length() }
+    pub fn new(hull: &Hull) -> Projector {
+        let corners_mm: Vec<[DVec3; 3]> = (0..hull.triangles.len()).map(|triangle| hull.corners_mm(triangle)).collect();
+        let boxes: Vec<Bounds> = corners_mm.iter().map(|corners| Bounds::of(*corners)).collect();
+        Projector { corners_mm, bvh: Bvh::new(&boxes), tolerance_mm: hull.cell_mm.length() }
     }
 
     /// Where `ray` lands; `None` when it is rejected.
     pub fn land(&self, ray: &Ray) -> Option<Landing> {
         let landing = |(triangle, t): (usize, f64)| {
             let point_mm = ray.origin_mm + t * ray.direction;
-            Landing { triangle, shares: barycentric(self.hull.corners_mm(triangle), point_mm), fate: Fate::Hit }
+            Landing { triangle, shares: barycentric(self.corners_mm[triangle], point_mm), fate: Fate::Hit }
         };
         self.crossing(ray).map(landing).or_else(|| self.snap(ray.origin_mm))
     }
@@ -63,10 +64,11 @@ impl<'a> Projector<'a> {
         let out = |cosine: f64| cosine > 0.0;
         let ahead = self.first(ray, 1.0, f64::INFINITY, any);
         if let Some((triangle, t)) = ahead
-            && out(ray.direction.dot(self.hull.normal(triangle)))
+            && self.leads_out(triangle, ray.direction)
         {
             // Inside, unless a surface that leads out lies closer behind than the hull is accurate.
-            let behind = self.first(ray, -1.0, t.abs().min(self.tolerance_mm), out);
+            let limit_mm = t.abs().min(self.tolerance_mm);
+            let behind = if limit_mm > 0.0 { self.first(ray, -1.0, limit_mm, out) } else { None };
             return Some(behind.filter(|(_, back)| back.abs() < t.abs()).unwrap_or((triangle, t)));
         }
         let near = |hit: &(usize, f64)| hit.1.abs() <= self.tolerance_mm;
@@ -76,10 +78,15 @@ impl<'a> Projector<'a> {
             .or_else(|| self.first(ray, -1.0, self.tolerance_mm, any))
     }
 
+    fn leads_out(&self, triangle: usize, direction: DVec3) -> bool {
+        let [a, b, c] = self.corners_mm[triangle];
+        direction.dot((b - a).cross(c - a)) > 0.0
+    }
+
     /// First crossing ahead (`sense` +1) or behind (−1) whose cosine to the outward normal is `wanted`; signed distance.
     fn first(&self, ray: &Ray, sense: f64, limit_mm: f64, wanted: impl Fn(f64) -> bool) -> Option<(usize, f64)> {
         let meet = |triangle: usize| {
-            let (t, cosine) = meet(self.hull.corners_mm(triangle), ray.origin_mm, ray.direction)?;
+            let (t, cosine) = meet(self.corners_mm[triangle], ray.origin_mm, ray.direction)?;
             wanted(cosine).then_some(sense * t).filter(|t| *t >= -1e-9 * self.tolerance_mm)
         };
         let (triangle, t) = self.bvh.first_along(ray.origin_mm, sense * ray.direction, limit_mm, meet)?;
@@ -90,7 +97,7 @@ impl<'a> Projector<'a> {
     fn snap(&self, point_mm: DVec3) -> Option<Landing> {
         let mut best: Option<(f64, usize, DVec3)> = None;
         self.bvh.near(point_mm, self.tolerance_mm, |triangle| {
-            let nearest_mm = nearest_point(self.hull.corners_mm(triangle), point_mm);
+            let nearest_mm = nearest_point(self.corners_mm[triangle], point_mm);
             let distance_mm = nearest_mm.distance(point_mm);
             let closer = best.is_none_or(|(least, other, _)| (distance_mm, triangle) < (least, other));
             if distance_mm <= self.tolerance_mm && closer {
@@ -99,7 +106,7 @@ impl<'a> Projector<'a> {
         });
         best.map(|(_, triangle, nearest_mm)| Landing {
             triangle,
-            shares: barycentric(self.hull.corners_mm(triangle), nearest_mm),
+            shares: barycentric(self.corners_mm[triangle], nearest_mm),
             fate: Fate::Snapped,
         })
     }
