@@ -28,7 +28,10 @@ const PHOSPHOR: &[(f64, f64)] = &[
 
 /// All known sources, looking along +Z.
 pub fn all() -> Vec<KnownSource> {
-    [flat_chip(), four_chips(), dome(), cylinder(), tilted_strip(), phosphor_ring()].into_iter().flatten().collect()
+    [flat_chip(), four_chips(), dome(), cylinder(), tilted_strip(), phosphor_ring(), two_lobes()]
+        .into_iter()
+        .flatten()
+        .collect()
 }
 
 /// The known source of this name.
@@ -99,4 +102,12 @@ fn phosphor_ring() -> Option<KnownSource> {
     let told =
         "A blue Lambertian chip of 1 x 1 mm in z = 0, 0.6 W, in a phosphor ring from radius 0.8 to 1.5 mm, 0.8 W.";
     Some(KnownSource::new("phosphor-ring", told, parts))
+}
+
+fn two_lobes() -> Option<KnownSource> {
+    let lobe = |x: f64, y: f64| Shape::Lobe { half_mm: 0.5, toward: DVec3::new(x, y, 1.0).normalize(), power: 40.0 };
+    let parts = vec![part(lobe(1.0, 0.0), 1.0, GREEN)?, part(lobe(0.0, 1.0), 0.5, GREEN)?];
+    let told = "A chip of 1 x 1 mm in z = 0 with a lobe of 1 W towards +X+Z and one of 0.5 W towards +Y+Z, each 21 degrees wide: \
+                tells which way round a file is.";
+    Some(KnownSource::new("two-lobes", told, parts))
 }

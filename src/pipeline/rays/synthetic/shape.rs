@@ -44,6 +44,15 @@ pub enum Shape {
         /// Height, mm, from z = 0 up.
         height_mm: f64,
     },
+    /// A flat square in z = 0 that glows in one lobe: intensity falls as a power of the cosine to `toward`.
+    Lobe {
+        /// Half of an edge, mm.
+        half_mm: f64,
+        /// Unit direction of the peak.
+        toward: DVec3,
+        /// The power; 40 is 21° wide at half maximum.
+        power: f64,
+    },
 }
 
 impl Shape {
@@ -54,6 +63,7 @@ impl Shape {
             Shape::Ring { inner_mm, outer_mm } => PI * (outer_mm * outer_mm - inner_mm * inner_mm),
             Shape::Dome { radius_mm, .. } => TAU * radius_mm * radius_mm,
             Shape::Cylinder { radius_mm, height_mm } => TAU * radius_mm * (radius_mm + height_mm),
+            Shape::Lobe { half_mm, .. } => 4.0 * half_mm * half_mm,
         }
     }
 
@@ -69,6 +79,7 @@ impl Shape {
             Shape::Cylinder { radius_mm: r, height_mm } => {
                 Bounds { min: DVec3::new(-r, -r, 0.0), max: DVec3::new(r, r, height_mm) }
             }
+            Shape::Lobe { half_mm: r, .. } => Bounds { min: DVec3::new(-r, -r, 0.0), max: DVec3::new(r, r, 0.0) },
         }
     }
 
@@ -92,6 +103,11 @@ impl Shape {
                 let z = 2.0 * d - 1.0;
                 (polar(radius_mm * a.sqrt(), b, c * height_mm), polar((1.0 - z * z).sqrt(), e, z))
             }
+            Shape::Lobe { half_mm, toward, power } => {
+                let origin = DVec3::new((2.0 * a - 1.0) * half_mm, (2.0 * b - 1.0) * half_mm, 0.0);
+                let z = c.powf(1.0 / (power + 1.0));
+                (origin, around(toward) * polar((1.0 - z * z).sqrt(), d, z))
+            }
         }
     }
 
@@ -102,6 +118,7 @@ impl Shape {
             Shape::Ring { .. } => direction.z.max(0.0) / PI,
             Shape::Dome { sin_cone, .. } => dome_disc(direction.z, sin_cone) / (TAU * PI * sin_cone * sin_cone),
             Shape::Cylinder { .. } => 1.0 / (4.0 * PI),
+            Shape::Lobe { toward, power, .. } => (power + 1.0) / TAU * direction.dot(toward).max(0.0).powf(power),
         }
     }
 
@@ -131,6 +148,11 @@ impl Shape {
             Shape::Cylinder { radius_mm, height_mm } => {
                 chord_mm(radius_mm, height_mm, point, direction) / (4.0 * PI * PI * radius_mm * radius_mm * height_mm)
             }
+            Shape::Lobe { half_mm, .. } => {
+                let hit = point - direction * (point.z / direction.z);
+                let lit = hit.x.abs().max(hit.y.abs()) <= half_mm;
+                if lit { self.intensity_per_sr(direction) / (self.area_mm2() * direction.z.abs()) } else { 0.0 }
+            }
         }
     }
 
@@ -147,6 +169,9 @@ impl Shape {
             }
             Shape::Dome { radius_mm, .. } => point.z >= 0.0 && (point.length() - radius_mm).abs() <= ON_SURFACE_MM,
             Shape::Cylinder { .. } => return None,
+            Shape::Lobe { half_mm, .. } => {
+                point.z.abs() <= ON_SURFACE_MM && point.x.abs().max(point.y.abs()) <= half_mm + ON_SURFACE_MM
+            }
         };
         Some(if on { 1.0 / self.area_mm2() } else { 0.0 })
     }
@@ -170,7 +195,7 @@ impl Shape {
                 let across = [0, 1].iter().all(|k| region.min[*k] <= own.min[*k] && region.max[*k] >= own.max[*k]);
                 across.then(|| (region.max.z.min(height_mm) - region.min.z.max(0.0)).max(0.0) / height_mm)
             }
-            Shape::Ring { .. } | Shape::Dome { .. } => None,
+            Shape::Ring { .. } | Shape::Dome { .. } | Shape::Lobe { .. } => None,
         }
     }
 }
