@@ -102,7 +102,7 @@ async fn serve(arguments: &Arguments) -> Result<(), Failure> {
     let site = format!("http://{}", reachable(service.address()));
     println!("Lampwright {} is at {site}", env!("CARGO_PKG_VERSION"));
     println!("  documentation   {site}/docs");
-    println!("  send a file     curl --data-binary @FILE '{site}/v1/ray-sets?name=FILE'");
+    println!("  send a file     curl -X POST -T FILE '{site}/v1/ray-sets?name=FILE'");
     if !service.address().ip().is_loopback() {
         tracing::warn!(address = %service.address(), "whoever reaches this address can use it: no keys are asked for");
     }
