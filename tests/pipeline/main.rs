@@ -1,5 +1,6 @@
 //! The pipeline against answers found elsewhere, through its public doors only.
 
+mod bad_input;
 mod known_sources;
 mod rays;
 #[path = "../support/statistics.rs"]

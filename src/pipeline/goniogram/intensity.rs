@@ -15,6 +15,8 @@ const SMOOTHING_RAYS: f64 = 2500.0;
 const SMOOTHING_REACH: f64 = 0.35;
 /// Steps of γ to choose from, degrees.
 const GAMMA_STEPS_DEG: [f64; 4] = [5.0, 2.5, 1.0, 0.5];
+/// A finer step of γ is no use to cells with fewer rays than this.
+const RAYS_PER_CELL: f64 = 5.0;
 /// Step of C unless asked otherwise, degrees.
 const C_STEP_DEG: f64 = 10.0;
 /// γ intervals and C planes of the spectral grid: 15° × 30°.
@@ -61,11 +63,14 @@ pub struct Grids {
 }
 
 impl Grids {
-    /// As asked, else: γ steps of at most an eighth of the beam's full width at half maximum (`OUTPUTS.md` 1.4), C steps of 10°.
+    /// As asked, else: γ steps of at most an eighth of the beam's full width at half maximum (`OUTPUTS.md` 1.4) as long as the
+    /// beam's rays can fill such cells, C steps of 10°.
     pub fn new(directions: &DirectionCube, options: &Options) -> Grids {
-        let eighth_deg = full_width_deg(directions) / 8.0;
-        let [.., finest] = GAMMA_STEPS_DEG;
-        let chosen_deg = GAMMA_STEPS_DEG.into_iter().find(|step| *step <= eighth_deg).unwrap_or(finest);
+        let beam = Beam::of(directions);
+        let wanted_deg = (beam.full_width_deg() / 8.0).max(beam.cell_deg(RAYS_PER_CELL));
+        let [coarsest, .., finest] = GAMMA_STEPS_DEG;
+        let fitting = GAMMA_STEPS_DEG.into_iter().find(|step| *step <= wanted_deg).unwrap_or(finest);
+        let chosen_deg = if beam.rays > 0.0 { fitting } else { coarsest };
         let gamma_count = (180.0 / options.gamma_step_deg.unwrap_or(chosen_deg)).round() as usize;
         let c_count = (360.0 / options.c_step_deg.unwrap_or(C_STEP_DEG)).round() as usize;
         Grids {
@@ -190,27 +195,49 @@ fn peak_noise(flux: &[f64], solid_angles_sr: &[f64], rays: &[f64]) -> f64 {
     peak.map_or(0.0, |cell| if rays[cell] > 0.0 { 1.0 / rays[cell].sqrt() } else { 0.0 })
 }
 
-/// Full width at half maximum of the far field, degrees: that of the round beam with the same solid angle above half maximum.
-fn full_width_deg(directions: &DirectionCube) -> f64 {
-    let cells = directions.flux.iter().enumerate();
-    let mut bright: Vec<(f64, f64)> = cells
-        .map(|(cell, flux)| (flux / DirectionCube::solid_angle_sr(cell), DirectionCube::solid_angle_sr(cell)))
-        .filter(|(intensity, _)| *intensity > 0.0)
-        .collect();
-    bright.sort_by(|a, b| b.0.total_cmp(&a.0));
-    // The maximum of many noisy cells is mostly noise: take the mean of those that carry the brightest twentieth of the flux.
-    let total: f64 = bright.iter().map(|(intensity, solid_angle)| intensity * solid_angle).sum();
-    let (mut flux, mut solid_angle_sr) = (0.0f64, 0.0f64);
-    for (intensity, solid_angle) in &bright {
-        if flux >= 0.05 * total {
-            break;
+/// The part of the far field above half maximum.
+struct Beam {
+    solid_angle_sr: f64,
+    rays: f64,
+}
+
+impl Beam {
+    fn of(directions: &DirectionCube) -> Beam {
+        let cells = directions.flux.iter().zip(&directions.rays).enumerate();
+        let mut bright: Vec<(f64, f64, f64)> = cells
+            .map(|(cell, (flux, rays))| {
+                (flux / DirectionCube::solid_angle_sr(cell), DirectionCube::solid_angle_sr(cell), *rays as f64)
+            })
+            .filter(|(intensity, ..)| *intensity > 0.0)
+            .collect();
+        bright.sort_by(|a, b| b.0.total_cmp(&a.0));
+        // The maximum of many noisy cells is mostly noise: take the mean of those that carry the brightest twentieth of the flux.
+        let total: f64 = bright.iter().map(|(intensity, solid_angle, _)| intensity * solid_angle).sum();
+        let (mut flux, mut solid_angle_sr) = (0.0, 0.0);
+        for (intensity, solid_angle, _) in &bright {
+            if flux >= 0.05 * total {
+                break;
+            }
+            flux += intensity * solid_angle;
+            solid_angle_sr += solid_angle;
         }
-        flux += intensity * solid_angle;
-        solid_angle_sr += solid_angle;
+        let half = 0.5 * flux / solid_angle_sr;
+        let mut beam = Beam { solid_angle_sr: 0.0, rays: 0.0 };
+        for (_, solid_angle, rays) in bright.iter().take_while(|(intensity, ..)| *intensity >= half) {
+            beam.solid_angle_sr += solid_angle;
+            beam.rays += rays;
+        }
+        beam
     }
-    let half = 0.5 * flux / solid_angle_sr;
-    let above_sr: f64 =
-        bright.iter().filter(|(intensity, _)| *intensity >= half).map(|(_, solid_angle)| solid_angle).sum();
-    let cosine: f64 = 1.0 - above_sr / std::f64::consts::TAU;
-    2.0 * cosine.clamp(-1.0, 1.0).acos().to_degrees()
+
+    /// Full width at half maximum, degrees: that of the round beam of the same solid angle.
+    fn full_width_deg(&self) -> f64 {
+        let cosine = 1.0 - self.solid_angle_sr / std::f64::consts::TAU;
+        2.0 * cosine.clamp(-1.0, 1.0).acos().to_degrees()
+    }
+
+    /// Edge of the square cell that holds `rays` of the beam's rays, degrees.
+    fn cell_deg(&self, rays: f64) -> f64 {
+        (rays * self.solid_angle_sr / self.rays).sqrt().to_degrees()
+    }
 }
