@@ -52,7 +52,7 @@ pub struct Surface {
 }
 
 /// Rays that a vertex's estimate is averaged over: 5 % noise is left.
-const SMOOTHING_RAYS: f64 = 900.0;
+const SMOOTHING_RAYS: f64 = 300.0;
 /// Smoothing reaches at most this many lattice cells: noise is a matter of neighbours, form is not.
 const SMOOTHING_CELLS: f64 = 3.0;
 /// Share of rejected flux above which a user is told.

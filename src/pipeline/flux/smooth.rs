@@ -4,8 +4,9 @@
 //! weights that fall with distance and end at a radius R: (1 − d²/R²)₊², Franke and Little's compact form without the pole of
 //! 1/d at d = 0, which would interpolate the noise. What is averaged is the density (flux per measure: exitance on the surface, intensity on
 //! the sphere), not the flux. Two things are added to the paper:
-//! - each site's radius is the distance within which enough rays were counted; a pair uses the smaller of its two radii, so
-//!   a well-known site neither gives to nor takes from a noisy one;
+//! - each site's radius follows from the distance within which enough rays were counted, up to the radius that a ray's typical
+//!   surroundings need; a pair uses the smaller of its two radii, so a well-known site neither gives to nor takes from a
+//!   noisy one, and dark surroundings do not drink from a bright edge;
 //! - the weights are balanced (Sinkhorn) so that a constant density stays constant, then normalised per giver, so that what
 //!   a site gives away adds up to what it had: flux is conserved to rounding.
 
@@ -32,7 +33,7 @@ pub struct Site {
 /// How far to smooth.
 #[derive(Clone, Copy, Debug)]
 pub struct Reach {
-    /// Rays within a site's radius; the relative noise left is about 1.4 / √rays.
+    /// Rays that a site's neighbourhood must hold; the relative noise left is about 0.8 / √rays.
     pub rays: f64,
     /// Largest radius, in the unit of [`Site::at`].
     pub radius: f64,
@@ -56,6 +57,7 @@ impl Smoother {
     pub fn new(sites: &[Site], reach: Reach) -> Smoother {
         let points: Vec<Bounds> = sites.iter().map(|site| Bounds { min: site.at, max: site.at }).collect();
         let index = Bvh::new(&points);
+        let reach = Reach { radius: reach.radius.min(typical_radius(sites, reach.rays)), ..reach };
         let radii: Vec<f64> = (0..sites.len()).into_par_iter().map(|k| radius(sites, &index, k, reach)).collect();
         let weights: Vec<Vec<(u32, f64)>> =
             (0..sites.len()).into_par_iter().map(|k| row(sites, &index, k, &radii)).collect();
@@ -95,6 +97,19 @@ impl Smoother {
     }
 }
 
+/// The radius of a neighbourhood that holds `wanted` rays at the density that the average ray finds round itself. Radii that
+/// grew on down a slope of density would tilt: a site would average with dimmer neighbours farther away than with brighter
+/// ones, and a distribution would lose its shoulders.
+fn typical_radius(sites: &[Site], wanted: f64) -> f64 {
+    let (mut rays, mut density) = (0.0, 0.0);
+    for site in sites.iter().filter(|site| site.measure > 0.0) {
+        rays += site.rays;
+        // n (n − 1): a ray is no neighbour of its own.
+        density += site.rays * (site.rays - 1.0).max(0.0) / site.measure;
+    }
+    if density > 0.0 { (3.0 * wanted * rays / (std::f64::consts::PI * density)).sqrt() } else { f64::INFINITY }
+}
+
 /// Distances to the sites that may exchange with site `k` within `within`, itself included, nearest first.
 fn neighbours(sites: &[Site], index: &Bvh, k: usize, within: f64) -> Vec<(f64, u32)> {
     let here = &sites[k];
@@ -110,7 +125,8 @@ fn neighbours(sites: &[Site], index: &Bvh, k: usize, within: f64) -> Vec<(f64, u
     found
 }
 
-/// The distance within which site `k` sees enough rays; 0 where it has them itself.
+/// The radius of site `k`: √3 times the distance within which it sees enough rays, because (1 − d²/R²)² over a disc of radius R
+/// weighs as much as a disc of radius R/√3; 0 where it has enough itself.
 fn radius(sites: &[Site], index: &Bvh, k: usize, reach: Reach) -> f64 {
     if sites[k].rays >= reach.rays || sites[k].measure <= 0.0 {
         return 0.0;
@@ -119,7 +135,7 @@ fn radius(sites: &[Site], index: &Bvh, k: usize, reach: Reach) -> f64 {
     for (distance, other) in neighbours(sites, index, k, reach.radius) {
         seen += sites[other as usize].rays;
         if seen >= reach.rays {
-            return distance;
+            return (3f64.sqrt() * distance).min(reach.radius);
         }
     }
     reach.radius

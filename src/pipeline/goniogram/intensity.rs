@@ -9,7 +9,7 @@ use super::{Options, SphereGrid};
 use glam::DVec3;
 
 /// Rays that an intensity is averaged over: 3 % noise is left.
-const SMOOTHING_RAYS: f64 = 2500.0;
+const SMOOTHING_RAYS: f64 = 800.0;
 /// Smoothing reaches at most this far, radians (20°): it costs a Lambertian 1.5 % at the peak, less than the noise it takes from
 /// any zone that needs it.
 const SMOOTHING_REACH: f64 = 0.35;
@@ -79,68 +79,47 @@ impl Grids {
         }
     }
 
-    /// The goniogram of zone `id` from the tallies of all zones (sites `zone × cells + cell`).
-    pub fn goniogram(
-        &self,
-        id: usize,
-        fine: &Amounts,
-        spectral: &Amounts,
-        spectrum: &Spectral,
-        smoothing: bool,
-    ) -> Goniogram {
+    /// What zone `id` was counted to send, from the tallies of all zones (sites `zone × cells + cell`), smoothed where asked.
+    pub fn measured(&self, id: usize, fine: &Amounts, spectral: &Amounts, smoothing: bool) -> Measured {
         let fine_cells = self.fine.cell_count();
         let spectral_cells = if spectral.is_empty() { 0 } else { self.spectral.cell_count() };
-        let fine = fine.slice(id * fine_cells..(id + 1) * fine_cells);
-        let spectral = spectral.slice(id * spectral_cells..(id + 1) * spectral_cells);
-        self.intensities(fine, spectral, spectrum, smoothing)
-    }
-
-    /// The goniogram of all zones together.
-    pub fn total(
-        &self,
-        zones: usize,
-        fine: &Amounts,
-        spectral: &Amounts,
-        spectrum: &Spectral,
-        smoothing: bool,
-    ) -> Goniogram {
-        let sum = |amounts: &Amounts, cells: usize| {
-            let mut sum = amounts.slice(0..cells);
-            (1..zones).for_each(|zone| sum.accumulate(&amounts.slice(zone * cells..(zone + 1) * cells)));
-            sum
-        };
-        let spectral_cells = if spectral.is_empty() { 0 } else { self.spectral.cell_count() };
-        self.intensities(sum(fine, self.fine.cell_count()), sum(spectral, spectral_cells), spectrum, smoothing)
-    }
-
-    fn intensities(&self, mut fine: Amounts, mut spectral: Amounts, spectrum: &Spectral, smoothing: bool) -> Goniogram {
-        let mut quality = counts(&fine.rays);
-        let mut noise_rays = fine.rays.clone();
+        let mut fine = fine.slice(id * fine_cells..(id + 1) * fine_cells);
+        let mut spectral = spectral.slice(id * spectral_cells..(id + 1) * spectral_cells);
+        let counted = fine.rays.clone();
+        let mut sharing = counted.clone();
+        let mut smoothing_rad = 0.0;
         if smoothing {
-            let smoother = smoother(&self.fine, &fine.rays);
-            noise_rays = (0..fine.len()).map(|cell| smoother.effective_rays(&fine.rays, cell)).collect();
+            let smoother = smoother(&self.fine, &counted);
+            sharing = (0..fine.len()).map(|cell| smoother.effective_rays(&counted, cell)).collect();
+            smoothing_rad = smoother.widest;
             fine.map(|amounts| smoother.apply(amounts));
-            quality.smoothing_deg = smoother.widest.to_degrees();
             if !spectral.is_empty() {
                 let smoother = self::smoother(&self.spectral, &spectral.rays);
                 spectral.map(|amounts| smoother.apply(amounts));
             }
         }
+        let variance = |(flux, rays): (&f64, &f64)| if *rays > 0.0 { flux * flux / rays } else { 0.0 };
+        let variance = fine.primary().iter().zip(&sharing).map(variance).collect();
+        Measured { counted, fine, spectral, variance, smoothing_rad }
+    }
+
+    /// The intensities of what was measured.
+    pub fn goniogram(&self, measured: &Measured, spectrum: &Spectral) -> Goniogram {
+        let Measured { fine, spectral, .. } = measured;
         let solid_angles_sr = self.fine.cell_solid_angles_sr();
         let per_sr = |flux: &Vec<f64>| -> Vec<f64> {
             let cells: Vec<f64> =
                 flux.iter().zip(&solid_angles_sr).map(|(flux, solid_angle)| flux / solid_angle).collect();
             self.fine.nodes_from_cells(&cells)
         };
-        quality.relative_noise_at_peak = peak_noise(fine.primary(), &solid_angles_sr, &noise_rays);
         Goniogram {
-            rays: fine.rays.iter().sum(),
+            rays: measured.counted.iter().sum(),
             flux: fine.total(),
             luminous_cd: fine.luminous_lm.as_ref().map(per_sr),
             radiant_w_per_sr: fine.radiant_w.as_ref().map(per_sr),
-            spectral_w_per_sr_nm: self.spectral_intensities(&spectral, spectrum),
+            spectral_w_per_sr_nm: self.spectral_intensities(spectral, spectrum),
             spectral_flux_w_per_nm: spectrum.bands_w_per_nm(&spectral.column_totals()),
-            quality,
+            quality: measured.quality(&solid_angles_sr),
         }
     }
 
@@ -177,22 +156,45 @@ fn smoother(grid: &SphereGrid, rays: &[f64]) -> Smoother {
     Smoother::new(&sites, Reach { rays: SMOOTHING_RAYS, radius: SMOOTHING_REACH })
 }
 
-/// Rays per lit cell and share of dark cells.
-fn counts(rays: &[f64]) -> Quality {
-    let mut lit: Vec<f64> = rays.iter().copied().filter(|rays| *rays > 0.0).collect();
-    lit.sort_by(f64::total_cmp);
-    Quality {
-        rays_per_cell_median: lit.get(lit.len() / 2).copied().unwrap_or(0.0),
-        empty_cell_fraction: 1.0 - lit.len() as f64 / rays.len() as f64,
-        ..Quality::default()
-    }
+/// What a zone, or several, send into the cells of both grids.
+pub struct Measured {
+    /// Rays counted per fine cell, before smoothing.
+    counted: Vec<f64>,
+    /// Flux per fine cell.
+    fine: Amounts,
+    /// Spectral columns per spectral cell.
+    spectral: Amounts,
+    /// Variance of the primary flux per fine cell.
+    variance: Vec<f64>,
+    /// Widest smoothing radius.
+    smoothing_rad: f64,
 }
 
-/// Relative standard error of the largest intensity, from the rays that share it.
-fn peak_noise(flux: &[f64], solid_angles_sr: &[f64], rays: &[f64]) -> f64 {
-    let intensity = |cell: &usize| flux[*cell] / solid_angles_sr[*cell];
-    let peak = (0..flux.len()).max_by(|a, b| intensity(a).total_cmp(&intensity(b)));
-    peak.map_or(0.0, |cell| if rays[cell] > 0.0 { 1.0 / rays[cell].sqrt() } else { 0.0 })
+impl Measured {
+    /// Adds another zone: the whole source is the sum of its zones, so that its file is the sum of theirs.
+    pub fn add(&mut self, other: &Measured) {
+        let add = |to: &mut [f64], from: &[f64]| to.iter_mut().zip(from).for_each(|(a, b)| *a += b);
+        add(&mut self.counted, &other.counted);
+        add(&mut self.variance, &other.variance);
+        self.fine.accumulate(&other.fine);
+        self.spectral.accumulate(&other.spectral);
+        self.smoothing_rad = self.smoothing_rad.max(other.smoothing_rad);
+    }
+
+    fn quality(&self, solid_angles_sr: &[f64]) -> Quality {
+        let mut lit: Vec<f64> = self.counted.iter().copied().filter(|rays| *rays > 0.0).collect();
+        lit.sort_by(f64::total_cmp);
+        let flux = self.fine.primary();
+        let intensity = |cell: &usize| flux[*cell] / solid_angles_sr[*cell];
+        let peak =
+            (0..flux.len()).max_by(|a, b| intensity(a).total_cmp(&intensity(b))).filter(|cell| flux[*cell] > 0.0);
+        Quality {
+            rays_per_cell_median: lit.get(lit.len() / 2).copied().unwrap_or(0.0),
+            empty_cell_fraction: 1.0 - lit.len() as f64 / self.counted.len() as f64,
+            relative_noise_at_peak: peak.map_or(0.0, |cell| self.variance[cell].sqrt() / flux[cell]),
+            smoothing_deg: self.smoothing_rad.to_degrees(),
+        }
+    }
 }
 
 /// The part of the far field above half maximum.
@@ -239,5 +241,29 @@ impl Beam {
     /// Edge of the square cell that holds `rays` of the beam's rays, degrees.
     fn cell_deg(&self, rays: f64) -> f64 {
         (rays * self.solid_angle_sr / self.rays).sqrt().to_degrees()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn smoothing_keeps_an_even_field_even() {
+        let grid = SphereGrid::new(36, 36);
+        for total in [2e4, 2e5, 1e6, 2e7] {
+            // A Lambertian's rays: many about γ = 0, few near the horizon, none behind.
+            let solid_angles_sr = grid.cell_solid_angles_sr();
+            let lambert = |((_, gamma), solid_angle): (&(f64, f64), &f64)| {
+                total * gamma.cos().max(0.0) / std::f64::consts::PI * solid_angle
+            };
+            let rays: Vec<f64> = grid.cell_nodes().iter().zip(&solid_angles_sr).map(lambert).map(f64::round).collect();
+            let smoother = smoother(&grid, &rays);
+            let even = smoother.apply(&solid_angles_sr);
+            for (cell, (flux, solid_angle)) in even.iter().zip(&solid_angles_sr).enumerate() {
+                let density = flux / solid_angle;
+                assert!((density - 1.0).abs() < 1e-3, "{total} rays, cell {cell} with {} rays: {density}", rays[cell]);
+            }
+        }
     }
 }

@@ -112,15 +112,21 @@ pub fn measure(
     let mut measured = Vec::with_capacity(zoning.zones.len());
     for id in 0..zoning.zones.len() {
         watch.step(0.8 + 0.2 * id as f64 / zoning.zones.len() as f64)?;
-        measured.push(grids.goniogram(id, &fine, &spectral, &cloud.source.spectral, options.smoothing));
+        measured.push(grids.measured(id, &fine, &spectral, options.smoothing));
     }
-    let total = grids.total(zoning.zones.len(), &fine, &spectral, &cloud.source.spectral, options.smoothing);
+    let spectrum = &cloud.source.spectral;
+    let zones = zoning.zones.into_iter().zip(&measured);
+    let zones = zones.map(|(zone, own)| Zone { goniogram: grids.goniogram(own, spectrum), ..zone }).collect();
+    let whole = measured.into_iter().reduce(|mut whole, zone| {
+        whole.add(&zone);
+        whole
+    });
     Ok(Goniograms {
         frame,
         lattice: zoning.lattice,
-        zones: zoning.zones.into_iter().zip(measured).map(|(zone, goniogram)| Zone { goniogram, ..zone }).collect(),
+        zones,
         zone_of_vertex: zoning.zone_of_vertex,
-        total,
+        total: whole.map(|whole| grids.goniogram(&whole, spectrum)).unwrap_or_default(),
         grid: grids.fine,
         spectral_grid: grids.spectral,
         notices: Notices::default(),
