@@ -52,7 +52,7 @@ impl fmt::Display for Place {
         match self {
             Place::Byte(offset) => write!(f, "byte {offset}"),
             Place::Ray(index) => write!(f, "ray {index}"),
-            Place::Option(path) => write!(f, "option {path}"),
+            Place::Option(path) => write!(f, "options.{path}"),
         }
     }
 }

@@ -20,12 +20,14 @@ pub mod model;
 /// 6. Results to files.
 pub mod artifacts;
 
-pub use artifacts::Artifact;
+pub use artifacts::{Artifact, IesEdition, Spectra};
 pub use error::{Error, Fault, Place};
+pub use hull::Emission;
 pub use rays::inspect::{Header, Inspection};
 pub use rays::{Bytes, Format, Input};
 pub use vocabulary::limits::Limits;
 pub use vocabulary::notice::Notice;
+pub use vocabulary::space::Axis;
 pub use vocabulary::watch::{Stage, Unwatched, Watch};
 
 use serde::Serialize;
@@ -46,6 +48,18 @@ pub struct Options {
     pub artifacts: artifacts::Options,
 }
 
+impl Options {
+    /// Whether these choices can be right for some source: ranges and contradictions, found before anything is read.
+    ///
+    /// # Errors
+    /// [`Error::Unusable`] naming the first choice that cannot.
+    pub fn validate(&self) -> Result<(), Error> {
+        self.rays.validate()?;
+        self.hull.validate()?;
+        self.goniogram.validate()
+    }
+}
+
 /// What a run gives back.
 #[derive(Debug)]
 pub struct Outcome {
@@ -60,6 +74,7 @@ pub struct Outcome {
 /// # Errors
 /// [`Error`]: malformed or refused input, unusable options, cancelled by the watcher, or unreadable bytes.
 pub fn run(inputs: &[Input], options: &Options, limits: &Limits, watch: &dyn Watch) -> Result<Outcome, Error> {
+    options.validate()?;
     let source = rays::read(inputs, &options.rays, limits, StageWatch::enter(watch, Stage::Rays)?)?;
     let cloud = hull::cloud::emission(&source, options.hull.emission);
     let hull = hull::wrap(&cloud, &options.hull, limits, StageWatch::enter(watch, Stage::Hull)?)?;

@@ -3,6 +3,8 @@
 //!
 //! `WRITE_README=1 cargo test --test accuracy` writes it anew.
 
+#![expect(clippy::unwrap_used, reason = "what a test stumbles over is its finding")]
+
 use glam::DVec3;
 use lampwright::pipeline::model::radiance::{Evaluator, Quantity};
 use lampwright::pipeline::rays::synthetic::{KnownSource, by_name, write_tm25};

@@ -55,11 +55,13 @@ impl Options {
     /// # Errors
     /// [`Error::Unusable`] naming the option.
     pub fn validate(&self) -> Result<(), Error> {
-        if let Some((columns, rows)) = self.zones
-            && !((1..=zone::MOST_ALONG).contains(&columns) && (1..=zone::MOST_ALONG).contains(&rows))
-        {
-            let found = format!("{columns} × {rows} zones were asked for.");
-            return Err(Error::unusable("options.zones", "goniogram.zones", found, "Ask for 1 to 32 each way."));
+        if let Some((columns, rows)) = self.zones {
+            for (option, count) in [("goniogram.zones.columns", columns), ("goniogram.zones.rows", rows)] {
+                if !(1..=zone::MOST_ALONG).contains(&count) {
+                    let found = format!("{columns} x {rows} zones were asked for.");
+                    return Err(Error::unusable("options.zones", option, found, "Ask for 1 to 32 each way."));
+                }
+            }
         }
         if let (Some(nadir), Some(c0)) = (self.nadir, self.c0)
             && nadir.component() == c0.component()
@@ -104,7 +106,6 @@ pub fn measure(
     options: &Options,
     watch: StageWatch<'_>,
 ) -> Result<Goniograms, Error> {
-    options.validate()?;
     let frame = aim::frame(&cloud.source.survey.directions, options)?;
     let zoning = Zoning::new(hull, surface, frame, options.zones);
     let grids = Grids::new(&cloud.source.survey.directions, options);

@@ -56,7 +56,11 @@ pub struct Options {
 }
 
 impl Options {
-    fn validate(&self) -> Result<(), Error> {
+    /// Whether resolution and size filter are in range.
+    ///
+    /// # Errors
+    /// [`Error::Unusable`].
+    pub fn validate(&self) -> Result<(), Error> {
         if let Some(resolution) = self.resolution.filter(|resolution| !(4..=256).contains(resolution)) {
             return Err(Error::unusable(
                 "options.hull_resolution",

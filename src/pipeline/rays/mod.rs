@@ -87,6 +87,16 @@ pub struct Options {
     pub band_edges_nm: Option<Vec<f64>>,
 }
 
+impl Options {
+    /// Whether the bands can be made.
+    ///
+    /// # Errors
+    /// [`Error::Unusable`].
+    pub fn validate(&self) -> Result<(), Error> {
+        bands::asked(self).map(|_| ())
+    }
+}
+
 /// File formats we read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Format {

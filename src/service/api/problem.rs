@@ -1,6 +1,5 @@
 //! Errors as clients see them (RFC 9457): the one place where an error becomes a status code.
 
-use super::super::jobs::options::OutOfRange;
 use super::super::jobs::{Failure, State, queue};
 use super::super::{storage, upload};
 use crate::pipeline;
@@ -288,11 +287,5 @@ impl From<queue::Error> for Problem {
             queue::Error::State(state) => Problem::job_state(state),
             queue::Error::Storage(error) => error.into(),
         }
-    }
-}
-
-impl From<OutOfRange> for Problem {
-    fn from(error: OutOfRange) -> Problem {
-        Problem::out_of_range(&format!("options.{}", error.option), error.must)
     }
 }

@@ -1,18 +1,9 @@
 //! What a client may choose, as sent and as stored. Every field may be left out; what is left out is the pipeline's
-//! default. Ranges are checked here, before anything is queued; what depends on the rays the pipeline checks.
+//! default. The pipeline says what can be used, here before anything is queued.
 
-use crate::pipeline::{self, artifacts, hull, vocabulary};
+use crate::pipeline::{self, Axis};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
-
-/// A choice that cannot be used.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct OutOfRange {
-    /// Path of the option, dots between names.
-    pub option: &'static str,
-    /// What it must be.
-    pub must: &'static str,
-}
 
 /// Everything a client may choose.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -159,13 +150,12 @@ impl JobOptions {
     /// The pipeline's own words for it.
     ///
     /// # Errors
-    /// [`OutOfRange`]: the first choice that no ray set could make right.
-    pub fn resolve(&self) -> Result<pipeline::Options, OutOfRange> {
-        self.check()?;
+    /// [`pipeline::Error::Unusable`]: the first choice that no ray set could make right.
+    pub fn resolve(&self) -> Result<pipeline::Options, pipeline::Error> {
         let mut options = pipeline::Options::default();
         options.rays.band_edges_nm = self.rays.band_edges_nm.clone();
         if let Some(Emission::Origins) = self.hull.emission {
-            options.hull.emission = hull::Emission::Origins;
+            options.hull.emission = pipeline::Emission::Origins;
         }
         options.hull.resolution = self.hull.resolution;
         options.hull.max_edge_mm = self.hull.max_edge_mm;
@@ -179,37 +169,8 @@ impl JobOptions {
         put(&mut options.goniogram.smoothing, goniogram.smoothing);
         put(&mut options.artifacts.spectra, self.artifacts.spectra.map(Spectra::spectra));
         put(&mut options.artifacts.ies_edition, self.artifacts.ies_edition.map(IesEdition::edition));
+        options.validate()?;
         Ok(options)
-    }
-
-    fn check(&self) -> Result<(), OutOfRange> {
-        let fits = |fits: bool, option, must| if fits { Ok(()) } else { Err(OutOfRange { option, must }) };
-        let goniogram = &self.goniogram;
-        let bands = self
-            .rays
-            .band_edges_nm
-            .as_ref()
-            .is_none_or(|edges| edges.len() <= 4097 && vocabulary::spectrum::Bands::new(edges.clone()).is_some());
-        fits(bands, "rays.band_edges_nm", "2 to 4097 positive numbers, strictly increasing")?;
-        let resolution = self.hull.resolution.is_none_or(|cells| (4..=256).contains(&cells));
-        fits(resolution, "hull.resolution", "a whole number from 4 to 256")?;
-        let edge = self.hull.max_edge_mm.is_none_or(|edge| edge.is_finite() && edge > 0.0);
-        fits(edge, "hull.max_edge_mm", "a positive number")?;
-        let count = |pick: fn(Zones) -> u32| goniogram.zones.map(pick).is_none_or(|n| (1..=32).contains(&n));
-        fits(count(|zones| zones.columns), "goniogram.zones.columns", "a whole number from 1 to 32")?;
-        fits(count(|zones| zones.rows), "goniogram.zones.rows", "a whole number from 1 to 32")?;
-        let divides = |step: Option<f64>, low: f64, high: f64, whole: f64| {
-            step.is_none_or(|step| step >= low && step <= high && ((whole / step).round() * step - whole).abs() < 1e-9)
-        };
-        let gamma = divides(goniogram.gamma_step_deg, 0.5, 30.0, 180.0);
-        fits(gamma, "goniogram.gamma_step_deg", "a number from 0.5 to 30 that divides 180")?;
-        let c = divides(goniogram.c_step_deg, 1.0, 90.0, 360.0);
-        fits(c, "goniogram.c_step_deg", "a number from 1 to 90 that divides 360")?;
-        let axes = match (goniogram.nadir_axis, goniogram.c0_axis) {
-            (Some(nadir), Some(c0)) => nadir.axis().component() != c0.axis().component(),
-            _ => true,
-        };
-        fits(axes, "goniogram.c0_axis", "across the nadir axis")
     }
 }
 
@@ -220,8 +181,7 @@ fn put<T>(place: &mut T, choice: Option<T>) {
 }
 
 impl AxisName {
-    fn axis(self) -> vocabulary::space::Axis {
-        use vocabulary::space::Axis;
+    fn axis(self) -> Axis {
         match self {
             AxisName::PosX => Axis::PosX,
             AxisName::NegX => Axis::NegX,
@@ -234,21 +194,21 @@ impl AxisName {
 }
 
 impl Spectra {
-    fn spectra(self) -> artifacts::Spectra {
+    fn spectra(self) -> pipeline::Spectra {
         match self {
-            Spectra::Auto => artifacts::Spectra::Auto,
-            Spectra::Both => artifacts::Spectra::Both,
-            Spectra::Attributes => artifacts::Spectra::Attributes,
-            Spectra::Extras => artifacts::Spectra::Extras,
+            Spectra::Auto => pipeline::Spectra::Auto,
+            Spectra::Both => pipeline::Spectra::Both,
+            Spectra::Attributes => pipeline::Spectra::Attributes,
+            Spectra::Extras => pipeline::Spectra::Extras,
         }
     }
 }
 
 impl IesEdition {
-    fn edition(self) -> artifacts::IesEdition {
+    fn edition(self) -> pipeline::IesEdition {
         match self {
-            IesEdition::Lm63Of2002 => artifacts::IesEdition::Lm63Of2002,
-            IesEdition::Lm63Of2019 => artifacts::IesEdition::Lm63Of2019,
+            IesEdition::Lm63Of2002 => pipeline::IesEdition::Lm63Of2002,
+            IesEdition::Lm63Of2019 => pipeline::IesEdition::Lm63Of2019,
         }
     }
 }

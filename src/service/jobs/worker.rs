@@ -193,9 +193,7 @@ impl Worker {
         };
         let options = match options.resolve() {
             Ok(options) => options,
-            Err(error) => {
-                return Ending::Failed(Failure::unreadable_job(format!("{} must be {}.", error.option, error.must)));
-            }
+            Err(error) => return Ending::Failed(Failure::from(&error)),
         };
         let inputs = match self.inputs(claim).await {
             Ok(inputs) => inputs,
