@@ -27,7 +27,9 @@ impl Lattice {
     pub fn place(&self, point_mm: DVec3) -> (usize, usize) {
         let along = |axis: usize, count: usize, at: f64| {
             let span = self.max_mm[axis] - self.min_mm[axis];
-            // A span of 0 gives not-a-number, which becomes zone 0.
+            if span <= 0.0 {
+                return 0;
+            }
             (((at - self.min_mm[axis]) / span * count as f64).floor().max(0.0) as usize).min(count - 1)
         };
         let column = along(0, self.columns, point_mm.dot(self.frame.x()));
