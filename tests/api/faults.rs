@@ -148,7 +148,7 @@ async fn every_failure_of_the_pipeline_keeps_its_code_place_and_remedy() {
         (
             || Error::unusable("hull.wrong", "hull.resolution", "Too fine.", "Less."),
             "hull.wrong",
-            Some("option hull.resolution"),
+            Some("options.hull.resolution"),
         ),
         (|| Error::Unreadable(std::io::Error::other("disk")), "bytes.unreadable", None),
         (|| Error::Cancelled, "run.cancelled", None),
