@@ -42,13 +42,7 @@ fn a_job_outlives_kill_9_and_is_published_once() {
     assert!(written.status.success(), "{written:?}");
     let data = folder.path().join("data");
     let server = Server::start(&data, &["--no-sample"]);
-    let ray_set =
-        server.post("/v1/ray-sets?name=chips.tm25ray", "application/octet-stream", &std::fs::read(&rays).unwrap());
-    assert_eq!(ray_set.status, 201);
-    let body = json!({ "ray_sets": [ray_set.json()["id"]] }).to_string();
-    let job = server.post("/v1/jobs", "application/json", body.as_bytes());
-    assert_eq!(job.status, 202);
-    let job = job.json()["id"].as_str().unwrap().to_owned();
+    let job = server.job_of("chips.tm25ray", &std::fs::read(&rays).unwrap());
     let caught = server.until(&job, |job| job["state"] == "running" && job["progress"].as_f64() > Some(0.0));
     assert_eq!(caught["attempt"], 1);
     server.kill();
@@ -78,6 +72,52 @@ fn sigterm_gives_a_running_job_back_and_the_next_process_ends_it() {
     let server = Server::start(folder.path(), &[]);
     let done = server.until(&sample, |job| job["state"] == "succeeded");
     assert_eq!(done["attempt"], 1, "an attempt that the operator ended does not count");
+}
+
+#[test]
+fn a_cancelled_job_stops_within_two_seconds() {
+    let folder = tempfile::tempdir().unwrap();
+    let rays = folder.path().join("chips.tm25ray");
+    assert!(
+        lampwright(&["sample", "four-chips", "--rays", LONG_JOB_RAYS, "-o", rays.to_str().unwrap()]).status.success()
+    );
+    let server = Server::start(&folder.path().join("data"), &["--no-sample"]);
+    let job = server.job_of("chips", &std::fs::read(&rays).unwrap());
+    server.until(&job, |job| job["state"] == "running" && job["progress"].as_f64() > Some(0.0));
+    let asked = std::time::Instant::now();
+    assert_eq!(server.post(&format!("/v1/jobs/{job}/cancel"), "application/json", b"").status, 202);
+    server.until(&job, |job| job["state"] == "cancelled");
+    assert!(asked.elapsed().as_secs_f64() < 2.0, "{:?}", asked.elapsed());
+    assert_eq!(server.get(&format!("/v1/jobs/{job}/model.zip")).status, 404);
+}
+
+/// Totals of the headers: the OSRAM sheet's 337 lm, LightTools' 1 lm (`../shared/rays/INDEX.md`).
+#[test]
+fn real_files_go_through_http_to_a_zip() {
+    for (name, lumen) in
+        [("mu_rayfile_LERTDUW_S2WP_green_100k_20161013_IES_TM25.TM25RAY", 337.0), ("mu_Cyl10k.1.tm25ray", 1.0)]
+    {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/rays").join(name);
+        let Ok(bytes) = std::fs::read(&path) else {
+            println!("LEFT OUT: {} is not here", path.display());
+            continue;
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let server = Server::start(folder.path(), &["--no-sample"]);
+        let job = server.job_of(name, &bytes);
+        server.until(&job, |job| job["state"] == "succeeded");
+        assert_eq!(&server.get(&format!("/v1/jobs/{job}/model.zip")).body[..4], b"PK\x03\x04");
+        let report = server.get(&format!("/v1/jobs/{job}/artifacts/report.json")).json();
+        let balance = &report["balance"];
+        for sum in ["on_triangles", "on_vertices", "after_smoothing"] {
+            let lm = balance[sum]["luminous_lm"].as_f64().unwrap();
+            assert!((lm / lumen - 1.0).abs() < 1e-6, "{name}: {lm} lm {sum}");
+        }
+        let rays = |fate: &str| balance[fate]["rays"].as_u64().unwrap();
+        assert_eq!(rays("hit") + rays("snapped") + rays("rejected"), rays("incoming"), "{balance}");
+        assert!(balance["rejected"]["flux"]["luminous_lm"].as_f64() < Some(0.005 * lumen), "{balance}");
+        assert_eq!(report["hull"]["broken_rules"], json!([]), "{name}");
+    }
 }
 
 #[test]

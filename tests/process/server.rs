@@ -65,6 +65,16 @@ impl Server {
         ask(&self.address, "POST", path, &[("Content-Type", content_type)], body).unwrap()
     }
 
+    /// Sends a ray file and queues a job for it; the job's id.
+    pub fn job_of(&self, name: &str, bytes: &[u8]) -> String {
+        let ray_set = self.post(&format!("/v1/ray-sets?name={name}"), "application/octet-stream", bytes);
+        assert_eq!(ray_set.status, 201, "{ray_set:?}");
+        let body = serde_json::json!({ "ray_sets": [ray_set.json()["id"]] }).to_string();
+        let job = self.post("/v1/jobs", "application/json", body.as_bytes());
+        assert_eq!(job.status, 202, "{job:?}");
+        job.json()["id"].as_str().unwrap().to_owned()
+    }
+
     /// Polls a job until `done`; a job that ended otherwise fails the test at once.
     pub fn until(&self, job: &str, done: impl Fn(&Value) -> bool) -> Value {
         let start = Instant::now();

@@ -90,7 +90,7 @@ pub struct JobProblem {
     title: String,
     /// What was found.
     detail: String,
-    /// Where: "byte 20", "option hull.resolution".
+    /// Where: "byte 20", "options.hull.resolution".
     at: Option<String>,
     /// What to do.
     remedy: Option<String>,

@@ -29,7 +29,7 @@ pub struct Problem {
     pub detail: Box<str>,
     /// Stable: programs may depend on it.
     pub code: Cow<'static, str>,
-    /// Where: "byte 20", "option hull.resolution", a path in the body.
+    /// Where: "byte 20", "options.hull.resolution", a path in the body.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<String>)]
     pub at: Option<Box<str>>,

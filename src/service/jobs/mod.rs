@@ -75,7 +75,7 @@ pub struct Failure {
     pub title: String,
     /// What was found.
     pub detail: String,
-    /// Where: "byte 20", "option hull.resolution".
+    /// Where: "byte 20", "options.hull.resolution".
     pub at: Option<String>,
     /// What to do.
     pub remedy: Option<String>,
