@@ -67,6 +67,8 @@ pub struct Outcome {
     pub model: model::Model,
     /// The files, in the order of the zip; the zip itself is [`artifacts::zip`]'s.
     pub artifacts: Vec<Artifact>,
+    /// Everything a user should be told, those of writing the files included.
+    pub notices: Vec<Notice>,
 }
 
 /// The whole flow. `inputs` are the ray sets of one source, in one frame.
@@ -78,12 +80,19 @@ pub fn run(inputs: &[Input], options: &Options, limits: &Limits, watch: &dyn Wat
     let source = rays::read(inputs, &options.rays, limits, StageWatch::enter(watch, Stage::Rays)?)?;
     let cloud = hull::cloud::emission(&source, options.hull.emission);
     let hull = hull::wrap(&cloud, &options.hull, limits, StageWatch::enter(watch, Stage::Hull)?)?;
-    let surface = flux::project(&cloud, &hull, &options.flux, StageWatch::enter(watch, Stage::Flux)?)?;
-    let goniograms =
-        goniogram::measure(&cloud, &hull, &surface, &options.goniogram, StageWatch::enter(watch, Stage::Goniogram)?)?;
+    let surface = flux::project(&cloud, &hull, &options.flux, limits, StageWatch::enter(watch, Stage::Flux)?)?;
+    let goniograms = goniogram::measure(
+        &cloud,
+        &hull,
+        &surface,
+        &options.goniogram,
+        limits,
+        StageWatch::enter(watch, Stage::Goniogram)?,
+    )?;
     let model = model::Model::new(&source, hull, surface, goniograms, StageWatch::enter(watch, Stage::Model)?)?;
     let artifacts = artifacts::write(&model, options, StageWatch::enter(watch, Stage::Artifacts)?)?;
-    Ok(Outcome { model, artifacts })
+    let notices = model.notices.iter().cloned().chain(artifacts::notices(&model).to_vec()).collect();
+    Ok(Outcome { model, artifacts, notices })
 }
 
 /// Judges a file by its first bytes, so that an upload need not end to be refused. `length`: its full length, where known.

@@ -128,3 +128,20 @@ fn few_rays_and_points_and_lines_still_make_a_model() {
         assert_eq!(model.hull.check(), [], "{name}");
     }
 }
+
+/// Infrared has watts and a spectrum, and is known to have no lumens: a model without IES files, not an error.
+#[test]
+fn invisible_light_makes_a_model_too() {
+    let infrared = |k: usize| [(k % 40) as f32, (k / 40) as f32, 0.0, 0.0, 0.0, 1.0, 1.0, 935.0 + (k % 10) as f32];
+    let outcome = build(with_rays(&(0..1600).map(infrared).collect::<Vec<_>>())).unwrap();
+    assert_eq!(outcome.model.flux.luminous_lm, Some(0.0));
+    // The header's 1 W in 935..945 nm.
+    let spectrum = &outcome.model.goniograms.total.spectral_flux_w_per_nm;
+    let widths = outcome.model.spectral.bands.widths_nm();
+    let total = outcome.model.flux.radiant_w.unwrap();
+    let watt: f64 = spectrum.iter().zip(widths).map(|(w_per_nm, nm)| w_per_nm * nm).sum();
+    assert!((watt / total - 1.0).abs() < 1e-9, "{watt} of {total} W in the bands");
+    assert!(outcome.notices.iter().any(|notice| notice.code == "artifacts.no_ies"));
+    assert!(outcome.artifacts.iter().all(|artifact| !artifact.name.ends_with(".ies")));
+    assert!(outcome.artifacts.iter().any(|artifact| artifact.name == "emitter.glb"));
+}

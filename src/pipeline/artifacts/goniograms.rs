@@ -2,6 +2,7 @@
 
 use super::super::goniogram::{Goniogram, SphereGrid, Zone};
 use super::super::model::Model;
+use super::super::rays::source::Columns;
 use super::super::vocabulary::space::{Bounds, Frame};
 use super::super::{Error, Options as RunOptions};
 use super::number::{ARRAY_DIGITS, Matrix, Numbers, sum};
@@ -29,12 +30,23 @@ pub fn artifact(model: &Model, options: &RunOptions) -> Result<Artifact, Error> 
         lattice: LatticeFacts::new(model),
         grid: Grid::new(&goniograms.grid),
         spectrum: model.spectral.has_bands().then(|| Spectrum::new(model)),
-        observer: "CIE 1931 2 degree, Km 683 lm/W, applied to each ray at its own wavelength",
+        observer: observer(&model.spectral.columns),
         zones: goniograms.zones.iter().map(|zone| ZoneEntry::new(zone, model)).collect(),
         total: Entry::new(&goniograms.total, model, ies::TOTAL.to_owned(), svg::polar::TOTAL.to_owned()),
         provenance: Provenance::new(model, options),
     };
     Ok(Artifact { name: NAME.to_owned(), media_type: "application/json", bytes: json::document(&document)? })
+}
+
+/// How lumens came about.
+fn observer(columns: &Columns) -> &'static str {
+    match columns {
+        Columns::Bands => "CIE 1931 2 degree, Km 683 lm/W, applied to each ray at its own wavelength",
+        Columns::Tables { .. } => {
+            "CIE 1931 2 degree, Km 683 lm/W, applied to the spectral table; the header's own lm/W where it has both totals"
+        }
+        Columns::None | Columns::Tristimulus => "as the file gives them",
+    }
 }
 
 #[derive(Serialize)]
@@ -266,7 +278,7 @@ impl<'a> Entry<'a> {
             flux_lm: goniogram.flux.luminous_lm.map(sum),
             max_intensity: MaxIntensity::new(goniogram, grid),
             quality: QualityFacts::new(goniogram),
-            files: Files { ies: goniogram.luminous_cd.is_some().then_some(ies), svg },
+            files: Files { ies: model.is_visible().then_some(ies), svg },
             spectral_flux_w_per_nm: has_bands.then(|| Numbers(&goniogram.spectral_flux_w_per_nm, ARRAY_DIGITS)),
             luminous_intensity_cd: matrix(&goniogram.luminous_cd),
             radiant_intensity_w_per_sr: matrix(&goniogram.radiant_w_per_sr),

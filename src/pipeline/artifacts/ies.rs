@@ -27,7 +27,8 @@ pub fn zone_name(zone: &Zone) -> String {
     format!("ies/zone_{:02}_{:02}.ies", zone.row, zone.column)
 }
 
-/// `ies/total.ies` and one file for each zone; none where luminous intensity is unknown, because LM-63 has no radiant unit.
+/// `ies/total.ies` and one file for each zone; none where luminous intensity is unknown or the source
+/// is invisible, because LM-63 has no radiant unit.
 pub fn artifacts(model: &Model, options: &RunOptions) -> Vec<Artifact> {
     let goniograms = &model.goniograms;
     let count = goniograms.zones.len();
@@ -39,7 +40,7 @@ pub fn artifacts(model: &Model, options: &RunOptions) -> Vec<Artifact> {
     std::iter::once(whole)
         .chain(zones)
         .filter_map(|(name, part, goniogram, bounds_mm)| {
-            let candela = goniogram.luminous_cd.as_ref()?;
+            let candela = goniogram.luminous_cd.as_ref().filter(|_| model.is_visible())?;
             let sheet = Sheet { model, edition: options.artifacts.ies_edition, part, goniogram, candela, bounds_mm };
             Some(Artifact { name, media_type: "application/x-ies-lm-63", bytes: sheet.lines().into_bytes() })
         })

@@ -110,12 +110,12 @@ pub fn write(model: &Model, options: &RunOptions, watch: StageWatch<'_>) -> Resu
 }
 
 /// What could not be written, and why.
-fn notices(model: &Model) -> Notices {
+pub fn notices(model: &Model) -> Notices {
     let mut notices = Notices::default();
-    if model.goniograms.total.luminous_cd.is_none() {
+    if !model.is_visible() {
         notices.add(
             "artifacts.no_ies",
-            "No IES files: the luminous intensity is unknown, and LM-63 has no radiant unit. Give the source a spectrum.",
+            "No IES files: the luminous intensity is unknown or 0, and LM-63 has no radiant unit. Give the source a spectrum.",
         );
     }
     if !model.spectral.has_bands() {

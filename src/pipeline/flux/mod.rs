@@ -17,6 +17,7 @@ pub use tally::Amounts;
 use super::Error;
 use super::hull::{Cloud, Hull};
 use super::rays::Ray;
+use super::vocabulary::limits::Limits;
 use super::vocabulary::notice::Notices;
 use super::vocabulary::watch::StageWatch;
 use balance::Share;
@@ -66,13 +67,19 @@ const REJECTED: usize = 2;
 /// Lays every ray on the hull.
 ///
 /// # Errors
-/// [`Error::Cancelled`], [`Error::Unreadable`].
-pub fn project(cloud: &Cloud<'_>, hull: &Hull, options: &Options, watch: StageWatch<'_>) -> Result<Surface, Error> {
+/// [`Error::Refused`] above [`Limits::max_tally_values`]; [`Error::Cancelled`], [`Error::Unreadable`].
+pub fn project(
+    cloud: &Cloud<'_>,
+    hull: &Hull,
+    options: &Options,
+    limits: &Limits,
+    watch: StageWatch<'_>,
+) -> Result<Surface, Error> {
     let projector = Projector::new(hull);
     let quanta = Quanta::of(cloud.source);
-    let triangles = Tally::new(&quanta, hull.triangles.len(), false);
-    let vertices = Tally::new(&quanta, hull.vertices_mm.len(), true);
-    let fates = Tally::new(&quanta, FATES, false);
+    let triangles = Tally::new(&quanta, hull.triangles.len(), false, limits)?;
+    let vertices = Tally::new(&quanta, hull.vertices_mm.len(), true, limits)?;
+    let fates = Tally::new(&quanta, FATES, false, limits)?;
     let lay = |rays: &[Ray]| {
         let mut met = [Deposit::default(); FATES];
         for ray in rays {

@@ -39,6 +39,9 @@ pub struct Reach {
     pub radius: f64,
 }
 
+/// Neighbours within which a radius must end, enough rays or not: sites finer than the rays can fill share less, not without
+/// bound. √3 times the distance holds three times as many.
+const MOST_NEIGHBOURS: usize = 160;
 /// Rounds of balancing; the error falls geometrically, and what is left costs constancy, never flux.
 const SINKHORN_ROUNDS: usize = 24;
 
@@ -132,9 +135,9 @@ fn radius(sites: &[Site], index: &Bvh, k: usize, reach: Reach) -> f64 {
         return 0.0;
     }
     let mut seen = 0.0;
-    for (distance, other) in neighbours(sites, index, k, reach.radius) {
+    for (passed, (distance, other)) in neighbours(sites, index, k, reach.radius).into_iter().enumerate() {
         seen += sites[other as usize].rays;
-        if seen >= reach.rays {
+        if seen >= reach.rays || passed == MOST_NEIGHBOURS {
             return (3f64.sqrt() * distance).min(reach.radius);
         }
     }

@@ -5,8 +5,10 @@
 //! quantum is at most 2⁻⁶⁰ of the total: the largest set of rays (2³¹) still has 2²⁹ quanta in an average ray, more than an f32
 //! file can tell apart.
 
+use super::super::Error;
 use super::super::rays::source::Spectral;
 use super::super::rays::{Ray, Source};
+use super::super::vocabulary::limits::Limits;
 use super::super::vocabulary::units::Flux;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -40,7 +42,8 @@ impl Quanta {
     fn new(spectral: Spectral, flux: Flux) -> Quanta {
         let per = |total: Option<f64>| match total {
             Some(total) if total > 0.0 && total.is_finite() => 2f64.powi(TOTAL_BITS - 1 - total.log2().ceil() as i32),
-            _ => 0.0,
+            // Known to be nothing (lumens of infrared), or unknown: every amount is 0 of any quantum.
+            _ => 1.0,
         };
         let (per_w, per_lm) = (per(flux.radiant_w), per(flux.luminous_lm));
         let per_column = if spectral.has_bands() { per_w } else { per_lm * 2f64.powi(-TRISTIMULUS_BITS) };
@@ -111,10 +114,20 @@ pub struct Tally {
 
 impl Tally {
     /// No deposits yet at `sites` sites. Memory: `8 × sites × (3 + columns)` bytes.
-    pub fn new(quanta: &Quanta, sites: usize, with_columns: bool) -> Tally {
+    ///
+    /// # Errors
+    /// `flux.too_large` above [`Limits::max_tally_values`].
+    pub fn new(quanta: &Quanta, sites: usize, with_columns: bool, limits: &Limits) -> Result<Tally, Error> {
         let column_count = if with_columns { quanta.spectral.column_count() } else { 0 };
+        if sites.saturating_mul(FIXED + column_count) > limits.max_tally_values {
+            let found = format!(
+                "{sites} places (vertices, or zones times cells of directions) with {column_count} spectral columns each are too many numbers."
+            );
+            let remedy = "Ask for fewer zones, wider angle steps, fewer bands, or a coarser hull.";
+            return Err(Error::refused("flux.too_large", found, remedy));
+        }
         let values = std::iter::repeat_with(|| AtomicU64::new(0)).take(sites * (FIXED + column_count)).collect();
-        Tally { quanta: quanta.clone(), column_count, values }
+        Ok(Tally { quanta: quanta.clone(), column_count, values })
     }
 
     /// Adds `deposit` to `site`; from any thread.
@@ -289,11 +302,28 @@ mod tests {
     }
 
     #[test]
+    fn known_to_be_nothing_is_nothing() {
+        let quanta = quanta_of(Flux { radiant_w: Some(1.0), luminous_lm: Some(0.0) }, Columns::Bands);
+        let tally = Tally::new(&quanta, 1, true, &Limits::default()).unwrap();
+        tally.add(0, &quanta.deposit(&Ray { luminous_lm: 0.0, ..ray(1.0, 40) }));
+        assert_eq!(tally.amounts().total(), Flux { radiant_w: Some(1.0), luminous_lm: Some(0.0) });
+    }
+
+    #[test]
+    fn more_than_the_limit_is_refused_before_it_is_allocated() {
+        let quanta = quanta_of(Flux { radiant_w: Some(1.0), luminous_lm: None }, Columns::Bands);
+        assert_eq!(
+            Tally::new(&quanta, usize::MAX / 2, true, &Limits::default()).err().unwrap().code(),
+            "flux.too_large"
+        );
+    }
+
+    #[test]
     fn sums_do_not_depend_on_order_and_do_not_overflow() {
         // The whole flux in one site, a million times a millionth: 2^60 quanta, exactly.
         let quanta = quanta_of(Flux { radiant_w: Some(4.0), luminous_lm: None }, Columns::Bands);
         let add = |order: &mut dyn Iterator<Item = usize>| {
-            let tally = Tally::new(&quanta, 1, true);
+            let tally = Tally::new(&quanta, 1, true, &Limits::default()).unwrap();
             order.for_each(|k| tally.add(0, &quanta.deposit(&ray(4.0 * (k + 1) as f64 / 500_500.0, (k % 41) as u32))));
             tally.amounts()
         };

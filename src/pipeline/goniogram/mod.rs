@@ -19,6 +19,7 @@ use super::flux::project::Projector;
 use super::flux::tally::{Quanta, Tally};
 use super::hull::{Cloud, Hull};
 use super::rays::Ray;
+use super::vocabulary::limits::Limits;
 use super::vocabulary::notice::Notices;
 use super::vocabulary::space::{Axis, Frame};
 use super::vocabulary::watch::StageWatch;
@@ -49,6 +50,9 @@ impl Default for Options {
     }
 }
 
+/// Most cells of an angular grid: more than any reader of IES files wants.
+const MOST_CELLS: usize = 40_000;
+
 impl Options {
     /// What can be said of the options without a source.
     ///
@@ -68,8 +72,15 @@ impl Options {
         {
             return Err(aim::parallel(nadir, c0));
         }
-        sphere::whole_steps(self.gamma_step_deg, 180.0, 0.5..=30.0, "goniogram.gamma_step_deg")?;
-        sphere::whole_steps(self.c_step_deg, 360.0, 1.0..=90.0, "goniogram.c_step_deg")?;
+        let gamma = sphere::whole_steps(self.gamma_step_deg, 180.0, 0.5..=30.0, "goniogram.gamma_step_deg")?;
+        let c = sphere::whole_steps(self.c_step_deg, 360.0, 1.0..=90.0, "goniogram.c_step_deg")?;
+        if let (Some(gamma), Some(c)) = (gamma, c)
+            && gamma * c > MOST_CELLS
+        {
+            let found = format!("{gamma} steps of gamma times {c} of C are {} cells.", gamma * c);
+            let remedy = format!("Choose wider steps: at most {MOST_CELLS} cells, e.g. 0.5 by 5 degrees.");
+            return Err(Error::unusable("options.angle_step", "goniogram.c_step_deg", found, remedy));
+        }
         Ok(())
     }
 }
@@ -98,18 +109,20 @@ pub struct Goniograms {
 /// Makes the zones and measures a goniogram for each, and one for the whole source.
 ///
 /// # Errors
-/// [`Error::Unusable`] for options out of range; [`Error::Cancelled`]; [`Error::Unreadable`].
+/// [`Error::Unusable`] when γ = 0 and C0 lie along one line; [`Error::Refused`] above [`Limits::max_tally_values`];
+/// [`Error::Cancelled`]; [`Error::Unreadable`].
 pub fn measure(
     cloud: &Cloud<'_>,
     hull: &Hull,
     surface: &Surface,
     options: &Options,
+    limits: &Limits,
     watch: StageWatch<'_>,
 ) -> Result<Goniograms, Error> {
     let frame = aim::frame(&cloud.source.survey.directions, options)?;
     let zoning = Zoning::new(hull, surface, frame, options.zones);
     let grids = Grids::new(&cloud.source.survey.directions, options);
-    let (fine, spectral) = collect(cloud, hull, &zoning, &grids, watch.part(0.0, 0.8))?;
+    let (fine, spectral) = collect(cloud, hull, &zoning, &grids, limits, watch.part(0.0, 0.8))?;
     let mut measured = Vec::with_capacity(zoning.zones.len());
     for id in 0..zoning.zones.len() {
         watch.step(0.8 + 0.2 * id as f64 / zoning.zones.len() as f64)?;
@@ -142,14 +155,15 @@ fn collect(
     hull: &Hull,
     zoning: &Zoning,
     grids: &Grids,
+    limits: &Limits,
     watch: StageWatch<'_>,
 ) -> Result<(super::flux::Amounts, super::flux::Amounts), Error> {
     let projector = Projector::new(hull);
     let quanta = Quanta::of(cloud.source);
     let has_bands = cloud.source.spectral.column_count() > 0;
     let (fine_cells, spectral_cells) = (grids.fine.cell_count(), grids.spectral.cell_count());
-    let fine = Tally::new(&quanta, zoning.zones.len() * fine_cells, false);
-    let spectral = Tally::new(&quanta, if has_bands { zoning.zones.len() * spectral_cells } else { 0 }, true);
+    let fine = Tally::new(&quanta, zoning.zones.len() * fine_cells, false, limits)?;
+    let spectral = Tally::new(&quanta, if has_bands { zoning.zones.len() * spectral_cells } else { 0 }, true, limits)?;
     let add = |rays: &[Ray]| {
         for ray in rays {
             let Some(landing) = projector.land(ray) else { continue };

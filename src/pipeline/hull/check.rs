@@ -1,4 +1,4 @@
-//! What every hull must satisfy: product code, called by users, tests, debug builds and fuzzers alike.
+//! What every hull must satisfy: product code: every report says what it found, every test asks it.
 
 use super::mesh::Hull;
 use std::collections::BTreeMap;

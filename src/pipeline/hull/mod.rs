@@ -123,7 +123,9 @@ fn wrap_points(
 
     let light = light::gather(pass, &solid, watch.part(0.5, 0.95))?;
     let joined = join::join(&mut solid, &light);
+    watch.step(0.97)?;
     let places = place::place(&joined, &light, &lattice);
+    watch.step(0.98)?;
     let hull = triangles::build(&joined, &places, &lattice, max_edge_mm, notices);
     if hull.triangles.is_empty() {
         return Err(Error::refused(

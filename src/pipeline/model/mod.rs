@@ -103,6 +103,11 @@ impl Model {
         Ok(Model { origins, flux: source.flux, spectral: source.spectral.clone(), hull, surface, goniograms, notices })
     }
 
+    /// Luminous flux is known, and there is some: infrared is known to have none.
+    pub fn is_visible(&self) -> bool {
+        self.flux.luminous_lm.is_some_and(|lumen| lumen > 0.0) && self.goniograms.total.luminous_cd.is_some()
+    }
+
     /// Spectral flux of a vertex, W/nm per band; empty without bands.
     pub fn vertex_spectrum_w_per_nm(&self, vertex: usize) -> Vec<f64> {
         self.spectral.bands_w_per_nm(self.surface.vertices.columns_of(vertex))

@@ -15,6 +15,8 @@ pub struct Limits {
     pub max_text_bytes: usize,
     /// Most cells of the hull's lattice; 4 bytes each.
     pub max_lattice_cells: usize,
+    /// Most numbers in one table of sums (vertices or cells × quantities and spectral columns); 8 bytes each, twice for a while.
+    pub max_tally_values: usize,
     /// Largest share of rays that may be refused before the whole set is.
     pub max_refused_share: f64,
 }
@@ -28,6 +30,7 @@ impl Default for Limits {
             max_additional_columns: 256,
             max_text_bytes: 1 << 20,
             max_lattice_cells: 1 << 24,
+            max_tally_values: 1 << 26,
             max_refused_share: 0.01,
         }
     }

@@ -99,6 +99,12 @@ impl Bands {
 pub struct Table {
     nm: Vec<f64>,
     weight: Vec<f64>,
+    /// ∫ weight dλ up to each point.
+    #[serde(skip)]
+    below: Vec<f64>,
+    /// Luminous efficacy of the radiation, lm/W.
+    #[serde(skip)]
+    lm_per_w: f64,
 }
 
 impl Table {
@@ -109,8 +115,19 @@ impl Table {
         let sane =
             points.iter().all(|(nm, weight)| nm.is_finite() && *nm > 0.0 && weight.is_finite() && *weight >= 0.0);
         let lit = points.iter().any(|(_, weight)| *weight > 0.0);
-        (ordered && sane && lit)
-            .then(|| Table { nm: points.iter().map(|p| p.0).collect(), weight: points.iter().map(|p| p.1).collect() })
+        if !(ordered && sane && lit) {
+            return None;
+        }
+        let mut below = vec![0.0];
+        for pair in points.windows(2) {
+            below.push(below[below.len() - 1] + 0.5 * (pair[1].0 - pair[0].0) * (pair[0].1 + pair[1].1));
+        }
+        let lm_per_w = match points {
+            [(nm, _)] => lm_per_w(*nm),
+            _ => points.windows(2).map(lumens).sum::<f64>() / below[below.len() - 1],
+        };
+        let (nm, weight) = points.iter().copied().unzip();
+        Some(Table { nm, weight, below, lm_per_w })
     }
 
     /// First and last wavelength, nm.
@@ -120,49 +137,82 @@ impl Table {
 
     /// Share of the radiant flux in each band; sums to 1 less what lies outside the bands.
     pub fn shares(&self, bands: &Bands) -> Vec<f64> {
-        let total = self.integral(self.nm[0], self.nm[self.nm.len() - 1], |_| 1.0);
-        let mut shares = vec![0.0; bands.len()];
         if self.nm.len() == 1 {
-            if let Some(band) = bands.band(self.nm[0]) {
-                shares[band] = 1.0;
+            let band = bands.band(self.nm[0]);
+            return (0..bands.len()).map(|k| if Some(k) == band { 1.0 } else { 0.0 }).collect();
+        }
+        let below: Vec<f64> = bands.edges_nm().iter().map(|edge| self.share_below(*edge)).collect();
+        below.windows(2).map(|pair| pair[1] - pair[0]).collect()
+    }
+
+    /// Share of the radiant flux below `nm`.
+    fn share_below(&self, nm: f64) -> f64 {
+        let next = self.nm.partition_point(|point| *point <= nm);
+        let last = self.nm.len() - 1;
+        let area = match next {
+            0 => 0.0,
+            next if next > last => self.below[last],
+            next => {
+                let (from, span) = (self.nm[next - 1], self.nm[next] - self.nm[next - 1]);
+                let slope = (self.weight[next] - self.weight[next - 1]) / span;
+                self.below[next - 1] + (nm - from) * (self.weight[next - 1] + 0.5 * slope * (nm - from))
             }
-            return shares;
-        }
-        for (share, edge) in shares.iter_mut().zip(bands.edges_nm().windows(2)) {
-            *share = self.integral(edge[0], edge[1], |_| 1.0) / total;
-        }
-        shares
+        };
+        area / self.below[last]
     }
 
     /// Luminous efficacy of the radiation, lm/W.
     pub fn lm_per_w(&self) -> f64 {
-        if self.nm.len() == 1 {
-            return lm_per_w(self.nm[0]);
-        }
-        let (low, high) = self.range_nm();
-        self.integral(low, high, lm_per_w) / self.integral(low, high, |_| 1.0)
+        self.lm_per_w
+    }
+}
+
+/// `∫ 683 V(λ) weight(λ) dλ` between two neighbouring points of a table, by Simpson's rule on pieces of at most 1 nm within the
+/// range where V(λ) is not 0: the work is bounded by the visible range, whatever the table says.
+fn lumens(pair: &[(f64, f64)]) -> f64 {
+    let [(nm, weight), (next_nm, next_weight)] = pair else { return 0.0 };
+    let last_nm = FIRST_NM + (CMF.len() - 1) as f64;
+    let (from, to) = (nm.max(FIRST_NM), next_nm.min(last_nm));
+    if to <= from {
+        return 0.0;
+    }
+    let value = |at: f64| (weight + (at - nm) / (next_nm - nm) * (next_weight - weight)) * lm_per_w(at);
+    let pieces = (to - from).ceil().max(1.0);
+    let step = (to - from) / pieces;
+    (0..pieces as usize)
+        .map(|piece| from + piece as f64 * step)
+        .map(|a| step / 6.0 * (value(a) + 4.0 * value(a + 0.5 * step) + value(a + step)))
+        .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_are_areas_under_the_table() {
+        // A triangle of area 20 from 500 to 540 nm: 1/8 of it below 510, 1/2 below 520.
+        let table = Table::new(&[(500.0, 0.0), (520.0, 1.0), (540.0, 0.0)]).unwrap();
+        let bands = Bands::new(vec![490.0, 510.0, 520.0, 535.0]).unwrap();
+        let expected = [0.125, 0.375, 0.5 - 12.5 / 400.0];
+        table.shares(&bands).iter().zip(expected).for_each(|(share, exact)| assert!((share - exact).abs() < 1e-15));
     }
 
-    /// `∫ weight(λ) f(λ) dλ` over `low..high` nm: exact for constant `f`, Simpson on pieces of at most 1 nm otherwise.
-    fn integral(&self, low: f64, high: f64, f: impl Fn(f64) -> f64) -> f64 {
-        let mut sum = 0.0;
-        for k in 1..self.nm.len() {
-            let (from, to) = (self.nm[k - 1].max(low), self.nm[k].min(high));
-            if to <= from {
-                continue;
-            }
-            let weight = |nm: f64| {
-                let share = (nm - self.nm[k - 1]) / (self.nm[k] - self.nm[k - 1]);
-                self.weight[k - 1] + share * (self.weight[k] - self.weight[k - 1])
-            };
-            let pieces = (to - from).ceil().clamp(1.0, 10_000.0) as usize;
-            let step = (to - from) / pieces as f64;
-            for piece in 0..pieces {
-                let a = from + piece as f64 * step;
-                let (m, b) = (a + 0.5 * step, a + step);
-                sum += step / 6.0 * (weight(a) * f(a) + 4.0 * weight(m) * f(m) + weight(b) * f(b));
-            }
+    #[test]
+    fn efficacies_are_those_of_the_standard() {
+        // CIE: 683 lm/W at 555 nm; V(507 nm) = 0.4442 and V(610 nm) = 0.503 (CIE 1924 table).
+        for (nm, v) in [(555.0, 1.0), (507.0, 0.4441), (610.0, 0.503), (940.0, 0.0)] {
+            let line = Table::new(&[(nm, 3.0)]).unwrap();
+            assert!((line.lm_per_w() - 683.0 * v).abs() < 0.2, "{nm} nm: {}", line.lm_per_w());
         }
-        sum
+        // Equal energy over the visible range: ∫ V = 106.857 nm (CIE 018), so 683 × 106.857 / 470 lm/W.
+        let even = Table::new(&[(360.0, 1.0), (830.0, 1.0)]).unwrap();
+        assert!((even.lm_per_w() / (683.0 * 106.857 / 470.0) - 1.0).abs() < 1e-4, "{}", even.lm_per_w());
+    }
+
+    #[test]
+    fn a_table_over_all_the_world_costs_no_more_than_the_visible_range() {
+        let wide: Vec<(f64, f64)> = (0..100_000).map(|k| (1.0 + 1e30 * k as f64, 1.0)).collect();
+        assert!(Table::new(&wide).unwrap().lm_per_w() < 1e-20);
     }
 }

@@ -34,7 +34,11 @@ pub fn artifacts(model: &Model) -> Vec<Artifact> {
 
 fn plot(model: &Model, goniogram: &Goniogram, part: &str) -> Svg {
     let grid = &model.goniograms.grid;
-    let luminous = goniogram.luminous_cd.as_deref().map(|values| (values, "cd", goniogram.flux.luminous_lm, "lm"));
+    let luminous = goniogram
+        .luminous_cd
+        .as_deref()
+        .filter(|_| goniogram.flux.luminous_lm > Some(0.0))
+        .map(|values| (values, "cd", goniogram.flux.luminous_lm, "lm"));
     let radiant = goniogram.radiant_w_per_sr.as_deref().map(|values| (values, "W/sr", goniogram.flux.radiant_w, "W"));
     let (values, unit, flux, flux_unit) = luminous.or(radiant).unwrap_or((&[], "W/sr", None, "W"));
     let peak = values.iter().copied().fold(0.0, f64::max);

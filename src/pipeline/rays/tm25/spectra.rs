@@ -43,11 +43,11 @@ impl Spectra {
                 let found = format!("A spectral table announces {stored} points.");
                 Error::malformed("tm25.table", found, "Export the file again.").at_byte(at)
             })?;
-            let block = cursor.block("a spectral table", 8 * size as u64)?;
             points_left = points_left.checked_sub(size).ok_or_else(|| {
                 let found = format!("The spectral tables have more than {} points.", limits.max_table_points);
                 Error::refused("tm25.too_many_table_points", found, "Raise the limit.").at_byte(at)
             })?;
+            let block = cursor.block("a spectral table", 8 * size as u64)?;
             spectra.points.push(block.chunks_exact(8).map(|point| (f32_in(point, 0), f32_in(point, 4))).collect());
             spectra.offsets.push(at);
         }
