@@ -69,6 +69,8 @@ pub struct Worker {
 enum Ending {
     Published(Vec<StoredArtifact>, Vec<StoredNotice>),
     Failed(Failure),
+    /// A store did not answer: not the job's fault, and another attempt may do better.
+    Unread(Failure),
     /// It saw that nobody wants it.
     Stopped,
 }
@@ -139,6 +141,7 @@ impl Worker {
                 self.insist("fail", || self.queue.fail(claim, failure)).await;
                 "failed"
             }
+            (Ending::Unread(failure), _) => self.retry(claim, failure).await,
             (Ending::Stopped, Order::None) => {
                 let failure = Failure::from(&pipeline::Error::Cancelled);
                 self.insist("fail", || self.queue.fail(claim, &failure)).await;
@@ -157,6 +160,15 @@ impl Worker {
         }
         // Cancelled between the last beat and now, or another's.
         if self.insist("stop", || self.queue.stop(claim)).await { "cancelled" } else { "lost" }
+    }
+
+    /// Puts the job back for a later attempt, or fails it when this was its last.
+    async fn retry(&self, claim: &Claim, failure: &Failure) -> &'static str {
+        tracing::warn!(job = claim.id, attempt = claim.attempt, reason = failure.detail, "a store did not answer");
+        if self.insist("retry", || self.queue.retry(claim)).await {
+            return "put back";
+        }
+        if self.insist("fail", || self.queue.fail(claim, failure)).await { "failed" } else { "lost" }
     }
 
     /// Waits for `work`, renewing the lease and passing on what the clients and the operator want.
@@ -198,7 +210,7 @@ impl Worker {
         let inputs = match self.inputs(claim).await {
             Ok(inputs) => inputs,
             Err(error) => {
-                return Ending::Failed(Failure::from(&pipeline::Error::Unreadable(std::io::Error::other(error))));
+                return Ending::Unread(Failure::from(&pipeline::Error::Unreadable(std::io::Error::other(error))));
             }
         };
         let (runner, limits, watch) = (Arc::clone(&self.runner), self.limits, Arc::clone(&progress));
@@ -210,6 +222,7 @@ impl Worker {
         match spawn_blocking(run).await {
             Ok(Ok((product, digests))) => self.publish(claim, product, digests, &progress).await,
             Ok(Err(pipeline::Error::Cancelled)) => Ending::Stopped,
+            Ok(Err(error @ pipeline::Error::Unreadable(_))) => Ending::Unread(Failure::from(&error)),
             Ok(Err(error)) => Ending::Failed(Failure::from(&error)),
             Err(error) => Ending::Failed(Failure::panicked(&panic_message(error))),
         }
