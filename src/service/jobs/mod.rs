@@ -104,6 +104,17 @@ impl Failure {
         }
     }
 
+    /// The store had no room for what was computed.
+    pub fn store_full() -> Failure {
+        Failure {
+            code: "storage.full".into(),
+            title: "The store is full".into(),
+            detail: "There was no room for the artifacts of this job.".into(),
+            at: None,
+            remedy: Some("Delete jobs and ray sets, or make room; then submit it again.".into()),
+        }
+    }
+
     /// A stored job that this version cannot read.
     pub fn unreadable_job(detail: impl Into<String>) -> Failure {
         Failure {

@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 use tokio::runtime::Handle;
 use tokio::task::{JoinError, JoinSet, spawn_blocking};
-use tokio::time::{MissedTickBehavior, interval, sleep};
+use tokio::time::{Instant, MissedTickBehavior, interval, sleep};
 use tokio_util::sync::CancellationToken;
 
 /// The artifact that holds all others.
@@ -59,6 +59,8 @@ pub struct Worker {
     pub poll: Duration,
     /// How often a busy one beats.
     pub beat: Duration,
+    /// How long a job that is computed waits for room in the store.
+    pub patience: Duration,
     /// Take no more jobs.
     pub stop: CancellationToken,
     /// Give back those at hand.
@@ -240,10 +242,12 @@ impl Worker {
         Ok(inputs)
     }
 
-    /// Stores the files of this attempt under its own fence.
+    /// Stores the files of this attempt under its own fence. All of them are in memory: room in the store is not waited for
+    /// without end.
     async fn publish(&self, claim: &Claim, product: Product, digests: Vec<String>, progress: &Progress) -> Ending {
         let notices = product.notices.iter().map(StoredNotice::from).collect();
         let mut stored = Vec::new();
+        let mut full_since: Option<Instant> = None;
         for (artifact, sha256) in product.artifacts.into_iter().zip(digests) {
             let blob = format!("{}/{:04}", claim.folder(), stored.len());
             let byte_count = artifact.bytes.len() as u64;
@@ -252,6 +256,10 @@ impl Worker {
                 tracing::error!(job = claim.id, blob, %error, "cannot store an artifact; trying again");
                 if progress.cancelled() {
                     return Ending::Stopped;
+                }
+                let full = matches!(error, storage::Error::Full);
+                if full && full_since.get_or_insert_with(Instant::now).elapsed() >= self.patience {
+                    return Ending::Failed(Failure::store_full());
                 }
                 sleep(self.beat).await;
             }
