@@ -50,6 +50,12 @@ struct Choices {
     /// Axis of the source at C0 [default: the next one: +X for Z, +Y for X, +Z for Y].
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = argument::axis)]
     c0: Option<Axis>,
+    /// Step of the goniograms' gamma, degrees; divides 180 [default: from the beam and its rays].
+    #[arg(long, value_name = "DEGREES")]
+    gamma_step: Option<f64>,
+    /// Step of the goniograms' C planes, degrees; divides 360 [default: 10].
+    #[arg(long, value_name = "DEGREES")]
+    c_step: Option<f64>,
     /// Spectral bands in nm [default: 380:780:10, wider where the rays are].
     #[arg(long, value_name = "MIN:MAX:STEP", value_parser = argument::bands)]
     bands: Option<Bands>,
@@ -92,6 +98,8 @@ impl Choices {
         options.goniogram.zones = self.zones;
         options.goniogram.nadir = self.nadir;
         options.goniogram.c0 = self.c0;
+        options.goniogram.gamma_step_deg = self.gamma_step;
+        options.goniogram.c_step_deg = self.c_step;
         options.goniogram.smoothing = !self.no_smoothing;
         options.artifacts.spectra = match self.spectra {
             SpectraPlace::Auto => Spectra::Auto,
@@ -112,13 +120,14 @@ impl Choices {
 /// # Errors
 /// Files that cannot be read or are refused; options that cannot be used; a disk that says no.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let options = arguments.choices.options();
+    options.validate()?;
     let folder = &arguments.output;
     make_empty(folder)?;
     let inputs = arguments.files.iter().map(|path| file::open(path)).collect::<Result<Vec<Input>, Failure>>()?;
     let progress = Progress::start();
-    let outcome = on_threads(arguments.threads, || {
-        crate::pipeline::run(&inputs, &arguments.choices.options(), &Limits::default(), &progress)
-    })?;
+    let outcome =
+        on_threads(arguments.threads, || crate::pipeline::run(&inputs, &options, &Limits::default(), &progress))?;
     let times = progress.finish();
     let outcome = outcome.map_err(|error| Failure::from(error).at(names(&inputs)))?;
     write(folder, &outcome)?;
@@ -266,14 +275,16 @@ mod tests {
 
     #[test]
     fn every_flag_arrives() {
-        let given = "--resolution 40 --max-edge 0.5 --zones 4x2 --nadir -Z --c0 Y --bands 400:700:20 --no-smoothing \
-                     --spectra extras --ies-edition 2019";
+        let given = "--resolution 40 --max-edge 0.5 --zones 4x2 --nadir -Z --c0 Y --gamma-step 2.5 --c-step 15 \
+                     --bands 400:700:20 --no-smoothing --spectra extras --ies-edition 2019";
         let mut expected = Options::default();
         expected.hull.resolution = Some(40);
         expected.hull.max_edge_mm = Some(0.5);
         expected.goniogram.zones = Some((4, 2));
         expected.goniogram.nadir = Some(Axis::NegZ);
         expected.goniogram.c0 = Some(Axis::PosY);
+        expected.goniogram.gamma_step_deg = Some(2.5);
+        expected.goniogram.c_step_deg = Some(15.0);
         expected.rays.band_edges_nm = Some((0..=15).map(|k| 400.0 + 20.0 * f64::from(k)).collect());
         expected.flux.smoothing = false;
         expected.goniogram.smoothing = false;
@@ -288,6 +299,17 @@ mod tests {
         {
             assert_eq!(options(flags).unwrap_err().exit_code(), 2, "{flags}");
         }
+    }
+
+    #[test]
+    fn options_that_cannot_be_used_are_said_before_anything_is_touched() {
+        let folder = tempfile::tempdir().unwrap();
+        let output = folder.path().join("out");
+        let line = ["build", "no-such.ray", "--gamma-step", "7", "-o"].map(Into::into);
+        let line = line.into_iter().chain([output.clone().into_os_string()]);
+        let failure = run(&Line::try_parse_from(line).unwrap().build).unwrap_err();
+        assert!(failure.to_string().contains("options.goniogram.gamma_step_deg"), "{failure}");
+        assert!(!output.exists());
     }
 
     #[test]

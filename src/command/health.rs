@@ -1,9 +1,11 @@
 //! `health`: is a running service well? Asked by the container's health check, where there is no curl.
 
 use super::Failure;
+use super::serve::reachable;
 use clap::Args;
+use std::borrow::Cow;
 use std::io::{self, Read, Write};
-use std::net::{TcpStream, ToSocketAddrs};
+use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
 use std::time::Duration;
 
 /// Longest wait for each of connecting, asking and answering.
@@ -12,9 +14,20 @@ const PATIENCE: Duration = Duration::from_secs(3);
 /// Arguments of `health`.
 #[derive(Args)]
 pub struct Arguments {
-    /// What to ask; plain HTTP.
-    #[arg(default_value = "http://127.0.0.1:8080/healthz")]
-    url: String,
+    /// What to ask; plain HTTP [default: /healthz at the address that `serve` listens on].
+    url: Option<String>,
+    /// The address that `serve` listens on; "any" is asked by way of this machine.
+    #[arg(long, env = "LAMPWRIGHT_LISTEN", default_value = "127.0.0.1:8080", value_name = "ADDRESS")]
+    listen: SocketAddr,
+}
+
+impl Arguments {
+    fn url(&self) -> Cow<'_, str> {
+        match &self.url {
+            Some(url) => url.into(),
+            None => format!("http://{}/healthz", reachable(self.listen)).into(),
+        }
+    }
 }
 
 /// Asks once. Well means 200.
@@ -23,8 +36,9 @@ pub struct Arguments {
 /// When nothing answers, or not with 200.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let usage = || Failure::usage("health.url", "This is no plain HTTP address.", "Write http://HOST:PORT/PATH.");
-    let (authority, path) = split(&arguments.url).ok_or_else(|| usage().at(&arguments.url))?;
-    let unwell = |what: String| Failure::failed("health.unwell", what, "Look at the service's log.").at(&arguments.url);
+    let url = arguments.url();
+    let (authority, path) = split(&url).ok_or_else(|| usage().at(&*url))?;
+    let unwell = |what: String| Failure::failed("health.unwell", what, "Look at the service's log.").at(&*url);
     let status = ask(&authority, path).map_err(|error| unwell(error.to_string()))?;
     if status == 200 { Ok(()) } else { Err(unwell(format!("It answered {status}."))) }
 }
@@ -70,11 +84,20 @@ mod tests {
 
     #[test]
     fn only_200_is_well() {
-        let asked = |answer| run(&Arguments { url: answering(answer) });
+        let ask = |url: String| run(&Arguments { url: Some(url), listen: ([127, 0, 0, 1], 1).into() });
+        let asked = |answer| ask(answering(answer));
         assert!(asked("HTTP/1.1 200 OK\r\n\r\n").is_ok());
         assert!(asked("HTTP/1.1 503 Service Unavailable\r\n\r\n").is_err());
         assert!(asked("SSH-2.0-OpenSSH_9.2\r\n").is_err());
-        assert!(run(&Arguments { url: "http://127.0.0.1:1/healthz".into() }).is_err());
+        assert!(ask("http://127.0.0.1:1/healthz".into()).is_err());
+    }
+
+    #[test]
+    fn without_a_url_it_asks_where_serve_listens() {
+        let url = |listen: &str| Arguments { url: None, listen: listen.parse().unwrap() }.url().into_owned();
+        assert_eq!(url("0.0.0.0:9000"), "http://127.0.0.1:9000/healthz");
+        assert_eq!(url("[::]:8080"), "http://[::1]:8080/healthz");
+        assert_eq!(url("192.0.2.7:80"), "http://192.0.2.7:80/healthz");
     }
 
     #[test]

@@ -20,6 +20,9 @@ const SAMPLE: &str = "four-chips";
 /// Its rays.
 const SAMPLE_RAYS: u64 = 200_000;
 
+/// What is still being written when the service has stopped gets this long.
+const LAST_WAIT: Duration = Duration::from_secs(1);
+
 /// Arguments of `serve`.
 #[derive(Args)]
 pub struct Arguments {
@@ -93,7 +96,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let runtime = runtime.map_err(|error| {
         Failure::failed("serve.runtime", error.to_string(), "Allow this process more threads and files.")
     })?;
-    runtime.block_on(serve(arguments))
+    let served = runtime.block_on(serve(arguments));
+    // Dropping the runtime would wait without end for a computation that does not look whether it is still wanted.
+    runtime.shutdown_timeout(LAST_WAIT);
+    served
 }
 
 async fn serve(arguments: &Arguments) -> Result<(), Failure> {
@@ -164,7 +170,7 @@ fn stopping() -> Result<impl Future<Output = ()>, Failure> {
 }
 
 /// The address a client on this machine can use: "any" is not one.
-fn reachable(address: SocketAddr) -> SocketAddr {
+pub(super) fn reachable(address: SocketAddr) -> SocketAddr {
     let ip = match address.ip() {
         IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
         IpAddr::V6(ip) if ip.is_unspecified() => Ipv6Addr::LOCALHOST.into(),

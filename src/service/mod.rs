@@ -129,6 +129,7 @@ impl Service {
             limits: config.limits,
             poll: config.poll,
             beat: config.beat(),
+            patience: config.lease.saturating_mul(10),
             stop: stop.clone(),
             release: release.clone(),
         };

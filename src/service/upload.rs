@@ -22,7 +22,7 @@ pub const PART_BYTES: usize = 8 << 20;
 /// How much of a file is judged as soon as it is there, bytes.
 const PREFIX_BYTES: usize = 64 << 10;
 
-/// Why a ray file is not taken in. Nothing of it is kept.
+/// Why a ray file is not taken in.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// More bytes than allowed.
@@ -81,29 +81,41 @@ impl Intake {
     /// Takes in one file, all of it or nothing.
     ///
     /// # Errors
-    /// [`Error`]; nothing is left behind.
+    /// [`Error`]; nothing is left behind, unless the database failed as the ray set was made known: it may then be known.
     pub async fn take<E: Display>(
         &self,
         announcement: Announcement,
         body: impl Stream<Item = Result<Bytes, E>>,
     ) -> Result<RaySet, Error> {
         let id = new_id();
-        let taken = self.receive(&id, announcement, body).await;
-        if taken.is_err() {
-            // Should this fail too, the next start sweeps it.
-            if let Err(error) = self.storage.blobs.delete_all(&ray_set_folder(&id)).await {
-                tracing::warn!(ray_set = id, %error, "blobs of an unfinished upload stay until the next start");
+        let (ray_set, parts) = match self.receive(&id, announcement, body).await {
+            Ok(received) => received,
+            Err(error) => {
+                self.forget(&id).await;
+                return Err(error);
             }
-        }
-        taken
+        };
+        // From here on the row may be there, whatever the answer: only the sweep of the next start can tell.
+        let known = ray_sets::insert(&self.storage.records, ray_set, &parts).await;
+        Ok(known.inspect_err(|error| {
+            tracing::error!(ray_set = id, %error, "an upload may or may not be known; its blobs stay until the next start");
+        })?)
     }
 
+    /// Deletes the blobs of a ray set that no row names. Should this fail too, the next start sweeps them.
+    async fn forget(&self, id: &str) {
+        if let Err(error) = self.storage.blobs.delete_all(&ray_set_folder(id)).await {
+            tracing::warn!(ray_set = id, %error, "blobs of an unfinished upload stay until the next start");
+        }
+    }
+
+    /// Stores the parts of a file; nothing of it is known yet.
     async fn receive<E: Display>(
         &self,
         id: &str,
         announcement: Announcement,
         body: impl Stream<Item = Result<Bytes, E>>,
-    ) -> Result<RaySet, Error> {
+    ) -> Result<(RaySet, Vec<Part>), Error> {
         let mut body = pin!(body);
         let mut spool = Spool::new(self, id, announcement.byte_count);
         while let Some(chunk) = timeout(self.idle, body.next()).await.map_err(|_| Error::Idle(self.idle))? {
@@ -117,7 +129,7 @@ impl Intake {
         let input = Input { name: announcement.name.clone(), sha256: sha256.clone(), bytes: Arc::new(bytes) };
         let header = self.header(input).await?;
         let ray_set = RaySet { id: id.to_owned(), name: announcement.name, byte_count, sha256, header, created_ms: 0 };
-        Ok(ray_sets::insert(&self.storage.records, ray_set, &parts).await?)
+        Ok((ray_set, parts))
     }
 
     /// What the whole file says of itself, as JSON.

@@ -1,10 +1,13 @@
 use crate::runners::{Gate, failing, held, panicking, prompt, stubborn};
 use crate::site::Site;
 use lampwright::pipeline::Error;
+use lampwright::service::jobs::worker::Runner;
 use lampwright::service::storage::records::sql;
 use lampwright::service::{Config, Service, StartError};
 use serde_json::json;
-use std::time::Duration;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_job_accepted_is_done_after_a_kill() {
@@ -137,6 +140,57 @@ async fn a_panic_fails_its_job_only() {
         assert!(failed["problem"]["detail"].as_str().unwrap().contains("index 7 of 3"));
         assert_eq!(failed["attempt"], 1);
     }
+}
+
+fn unreadable() -> Error {
+    Error::Unreadable(std::io::Error::other("connection reset"))
+}
+
+/// Cannot read its inputs when it is begun for the first `times`.
+fn unreadable_at_first(times: u32) -> Runner {
+    let (begun, good) = (AtomicU32::new(0), prompt());
+    Arc::new(move |inputs, options, limits, watch| match begun.fetch_add(1, Ordering::SeqCst) < times {
+        true => Err(unreadable()),
+        false => good(inputs, options, limits, watch),
+    })
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_whose_bytes_cannot_be_read_is_begun_again_later() {
+    let site = Site::start(unreadable_at_first(2)).await;
+    let ray_set = site.ray_set().await;
+    let start = Instant::now();
+    let job = site.job(&ray_set).await;
+    let waiting = site.until(&job, |job| job["state"] == "queued" && job["attempt"] == 1).await;
+    assert_eq!((&waiting["problem"], &waiting["finished_ms"]), (&json!(null), &json!(null)));
+    let done = site.until_state(&job, "succeeded").await;
+    assert_eq!((&done["attempt"], &done["problem"]), (&json!(3), &json!(null)));
+    // A third of a lease, then two thirds.
+    assert!(start.elapsed() >= site.config.lease, "{:?}", start.elapsed());
+    assert_eq!(site.blobs().len(), 1 + 4);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_whose_bytes_can_never_be_read_says_so_after_its_attempts() {
+    let site = Site::start(failing(unreadable)).await;
+    let ray_set = site.ray_set().await;
+    let job = site.job(&ray_set).await;
+    let failed = site.until_state(&job, "failed").await;
+    assert_eq!((&failed["problem"]["code"], &failed["attempt"]), (&json!("bytes.unreadable"), &json!(3)));
+    assert!(failed["finished_ms"].is_i64());
+    assert_eq!(site.blobs().len(), 1);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_that_waits_for_its_next_attempt_can_be_cancelled_and_holds_up_nobody() {
+    let config = |config| Config { lease: Duration::from_secs(60), ..config };
+    let site = Site::start_as(config, unreadable_at_first(1)).await;
+    let ray_set = site.ray_set().await;
+    let (waiting, next) = (site.job(&ray_set).await, site.job(&ray_set).await);
+    site.until_state(&next, "succeeded").await;
+    assert_eq!(site.get(&format!("/v1/jobs/{waiting}")).await.json()["state"], "queued");
+    site.post(&format!("/v1/jobs/{waiting}/cancel"), &json!({})).await;
+    assert_eq!(site.until_state(&waiting, "cancelled").await["attempt"], 1);
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -203,3 +203,17 @@ async fn a_ray_set_above_the_limits_is_refused_by_policy() {
     nothing_left(&site).await;
     assert_eq!(send(&site, &[], rays::zemax(99)).await.status, StatusCode::CREATED);
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn parts_stay_until_the_next_start_when_the_database_fails_as_it_takes_their_row() {
+    let mut site = Site::start(prompt()).await;
+    let known = site.ray_set().await;
+    let fail = "CREATE TRIGGER fail BEFORE INSERT ON parts BEGIN SELECT RAISE(ABORT, 'disk I/O error'); END";
+    site.write(sql(fail)).await;
+    site.upload(rays::zemax(10)).await.is_problem(503, "storage.unavailable");
+    // For all that the service knows, the row may be there.
+    assert_eq!(site.blobs().len(), 2);
+    site.kill().await;
+    site.restart(prompt()).await;
+    assert_eq!(site.blobs(), [format!("ray-sets/{known}/000000")]);
+}

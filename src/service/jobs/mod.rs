@@ -35,8 +35,8 @@ pub const TRANSITIONS: [(State, State, &str); 7] = [
     (State::Queued, State::Cancelled, "cancel"),
     (State::Running, State::Succeeded, "finish"),
     (State::Running, State::Failed, "fail; sweep, when attempts are used up"),
-    (State::Running, State::Cancelled, "stop; release, when asked before; sweep, when asked before"),
-    (State::Running, State::Queued, "release; sweep, when the worker was lost"),
+    (State::Running, State::Cancelled, "stop; release, retry and sweep, when asked before"),
+    (State::Running, State::Queued, "release; retry, when a store did not answer; sweep, when the worker was lost"),
     (State::Running, State::Running, "beat"),
 ];
 
@@ -101,6 +101,17 @@ impl Failure {
             detail: format!("It stopped with: {message}"),
             at: None,
             remedy: Some("Report it, with this ray set if it can be shared.".into()),
+        }
+    }
+
+    /// The store had no room for what was computed.
+    pub fn store_full() -> Failure {
+        Failure {
+            code: "storage.full".into(),
+            title: "The store is full".into(),
+            detail: "There was no room for the artifacts of this job.".into(),
+            at: None,
+            remedy: Some("Delete jobs and ray sets, or make room; then submit it again.".into()),
         }
     }
 

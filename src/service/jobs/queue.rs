@@ -10,6 +10,9 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::Notify;
 
+/// The back-off after a store did not answer grows no further than 2⁶ times the first.
+const MAX_DOUBLINGS: u32 = 6;
+
 /// Why a job cannot be changed so.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -105,7 +108,7 @@ impl Queue {
         Ok(id)
     }
 
-    /// Takes the oldest waiting job, after giving back what lost workers held.
+    /// Takes the oldest waiting job that need not wait longer, after giving back what lost workers held.
     ///
     /// # Errors
     /// The database did not answer.
@@ -113,7 +116,8 @@ impl Queue {
         self.sweep().await?;
         let claim = "UPDATE jobs SET state = 'running', attempt = attempt + 1, fence = fence + 1, lease_owner = $1, \
                      lease_until_ms = {now} + $2, stage = NULL, stage_progress = 0, started_ms = {now} \
-                     WHERE id = (SELECT id FROM jobs WHERE state = 'queued' ORDER BY id LIMIT 1 {skip_locked}) \
+                     WHERE id = (SELECT id FROM jobs WHERE state = 'queued' AND COALESCE(lease_until_ms, 0) <= {now} \
+                     ORDER BY id LIMIT 1 {skip_locked}) \
                      RETURNING id, fence, attempt, options";
         let claim = sql(claim).bind(self.owner.as_str()).bind(self.lease_ms);
         let mut transaction = self.storage.records.begin().await?;
@@ -195,6 +199,25 @@ impl Queue {
         Ok(self.storage.records.write(fail).await? > 0)
     }
 
+    /// Puts a running job back for a later attempt: a store did not answer, the job is not at fault. Nobody takes it before
+    /// its back-off is over, a third of a lease after the first attempt and twice as long after each next. False when it
+    /// had its last attempt, or the lease was lost.
+    ///
+    /// # Errors
+    /// The database did not answer.
+    pub async fn retry(&self, claim: &Claim) -> Result<bool, storage::Error> {
+        let doublings = u32::try_from(claim.attempt - 1).unwrap_or(0).min(MAX_DOUBLINGS);
+        let wait_ms = (self.lease_ms / 3).saturating_mul(1 << doublings);
+        let retry = "UPDATE jobs SET state = CASE WHEN cancel_requested = 1 THEN 'cancelled' ELSE 'queued' END, \
+                     finished_ms = CASE WHEN cancel_requested = 1 THEN {now} END, \
+                     lease_until_ms = CASE WHEN cancel_requested = 0 THEN {now} + $1 END, \
+                     lease_owner = NULL, stage = NULL, stage_progress = 0 \
+                     WHERE id = $2 AND fence = $3 AND state = 'running' \
+                     AND (attempt < max_attempts OR cancel_requested = 1)";
+        let retry = sql(retry).bind(wait_ms).bind(claim.id.as_str()).bind(claim.fence);
+        Ok(self.storage.records.write(retry).await? > 0)
+    }
+
     /// Ends a running job that a client asked to cancel.
     ///
     /// # Errors
@@ -224,6 +247,7 @@ impl Queue {
     pub async fn cancel(&self, id: &str) -> Result<(), Error> {
         let cancel = "UPDATE jobs SET cancel_requested = 1, \
                       finished_ms = CASE state WHEN 'queued' THEN {now} ELSE finished_ms END, \
+                      lease_until_ms = CASE state WHEN 'queued' THEN NULL ELSE lease_until_ms END, \
                       state = CASE state WHEN 'queued' THEN 'cancelled' ELSE state END \
                       WHERE id = $1 AND state IN ('queued', 'running')";
         if self.storage.records.write(sql(cancel).bind(id)).await? > 0 {

@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 use tokio::runtime::Handle;
 use tokio::task::{JoinError, JoinSet, spawn_blocking};
-use tokio::time::{MissedTickBehavior, interval, sleep};
+use tokio::time::{Instant, MissedTickBehavior, interval, sleep};
 use tokio_util::sync::CancellationToken;
 
 /// The artifact that holds all others.
@@ -59,6 +59,8 @@ pub struct Worker {
     pub poll: Duration,
     /// How often a busy one beats.
     pub beat: Duration,
+    /// How long a job that is computed waits for room in the store.
+    pub patience: Duration,
     /// Take no more jobs.
     pub stop: CancellationToken,
     /// Give back those at hand.
@@ -69,6 +71,8 @@ pub struct Worker {
 enum Ending {
     Published(Vec<StoredArtifact>, Vec<StoredNotice>),
     Failed(Failure),
+    /// A store did not answer: not the job's fault, and another attempt may do better.
+    Unread(Failure),
     /// It saw that nobody wants it.
     Stopped,
 }
@@ -139,6 +143,7 @@ impl Worker {
                 self.insist("fail", || self.queue.fail(claim, failure)).await;
                 "failed"
             }
+            (Ending::Unread(failure), _) => self.retry(claim, failure).await,
             (Ending::Stopped, Order::None) => {
                 let failure = Failure::from(&pipeline::Error::Cancelled);
                 self.insist("fail", || self.queue.fail(claim, &failure)).await;
@@ -157,6 +162,15 @@ impl Worker {
         }
         // Cancelled between the last beat and now, or another's.
         if self.insist("stop", || self.queue.stop(claim)).await { "cancelled" } else { "lost" }
+    }
+
+    /// Puts the job back for a later attempt, or fails it when this was its last.
+    async fn retry(&self, claim: &Claim, failure: &Failure) -> &'static str {
+        tracing::warn!(job = claim.id, attempt = claim.attempt, reason = failure.detail, "a store did not answer");
+        if self.insist("retry", || self.queue.retry(claim)).await {
+            return "put back";
+        }
+        if self.insist("fail", || self.queue.fail(claim, failure)).await { "failed" } else { "lost" }
     }
 
     /// Waits for `work`, renewing the lease and passing on what the clients and the operator want.
@@ -198,7 +212,7 @@ impl Worker {
         let inputs = match self.inputs(claim).await {
             Ok(inputs) => inputs,
             Err(error) => {
-                return Ending::Failed(Failure::from(&pipeline::Error::Unreadable(std::io::Error::other(error))));
+                return Ending::Unread(Failure::from(&pipeline::Error::Unreadable(std::io::Error::other(error))));
             }
         };
         let (runner, limits, watch) = (Arc::clone(&self.runner), self.limits, Arc::clone(&progress));
@@ -210,6 +224,7 @@ impl Worker {
         match spawn_blocking(run).await {
             Ok(Ok((product, digests))) => self.publish(claim, product, digests, &progress).await,
             Ok(Err(pipeline::Error::Cancelled)) => Ending::Stopped,
+            Ok(Err(error @ pipeline::Error::Unreadable(_))) => Ending::Unread(Failure::from(&error)),
             Ok(Err(error)) => Ending::Failed(Failure::from(&error)),
             Err(error) => Ending::Failed(Failure::panicked(&panic_message(error))),
         }
@@ -227,10 +242,12 @@ impl Worker {
         Ok(inputs)
     }
 
-    /// Stores the files of this attempt under its own fence.
+    /// Stores the files of this attempt under its own fence. All of them are in memory: room in the store is not waited for
+    /// without end.
     async fn publish(&self, claim: &Claim, product: Product, digests: Vec<String>, progress: &Progress) -> Ending {
         let notices = product.notices.iter().map(StoredNotice::from).collect();
         let mut stored = Vec::new();
+        let mut full_since: Option<Instant> = None;
         for (artifact, sha256) in product.artifacts.into_iter().zip(digests) {
             let blob = format!("{}/{:04}", claim.folder(), stored.len());
             let byte_count = artifact.bytes.len() as u64;
@@ -239,6 +256,10 @@ impl Worker {
                 tracing::error!(job = claim.id, blob, %error, "cannot store an artifact; trying again");
                 if progress.cancelled() {
                     return Ending::Stopped;
+                }
+                let full = matches!(error, storage::Error::Full);
+                if full && full_since.get_or_insert_with(Instant::now).elapsed() >= self.patience {
+                    return Ending::Failed(Failure::store_full());
                 }
                 sleep(self.beat).await;
             }
