@@ -178,7 +178,7 @@ fn summary(outcome: &Outcome, times: &[(Stage, Duration)], folder: &Path) -> Tab
     flux_rows(&mut table, model);
     zone_rows(&mut table, model);
     time_rows(&mut table, times, model.surface.balance.incoming.rays);
-    notice_rows(&mut table, &model.notices);
+    notice_rows(&mut table, &outcome.notices);
     let written: u64 = outcome.artifacts.iter().map(|artifact| artifact.bytes.len() as u64).sum();
     let files = outcome.artifacts.len();
     table.row("written", [format!("{files} files, {} bytes, and model.zip in {}", count(written), folder.display())]);

@@ -8,8 +8,8 @@ use super::super::vocabulary::units::Flux;
 use super::{Options, SphereGrid};
 use glam::DVec3;
 
-/// Rays that an intensity is averaged over: 3 % noise is left.
-const SMOOTHING_RAYS: f64 = 800.0;
+/// Rays that an intensity is averaged over: 4 % noise is left in a zone. More would blur the horizon: light behind a flat source.
+const SMOOTHING_RAYS: f64 = 400.0;
 /// Smoothing reaches at most this far, radians (20°): it costs a Lambertian 1.5 % at the peak, less than the noise it takes from
 /// any zone that needs it.
 const SMOOTHING_REACH: f64 = 0.35;

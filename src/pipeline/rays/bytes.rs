@@ -26,21 +26,28 @@ impl<'a> Cursor<'a> {
         self.at
     }
 
-    /// The next `count` bytes, which are `what`.
+    /// `count` as a size, when as many bytes are left for `what`.
     ///
     /// # Errors
-    /// `rays.truncated` when the file ends before; nothing is allocated then.
-    pub fn block(&mut self, what: &str, count: u64) -> Result<Vec<u8>, Error> {
+    /// `rays.truncated` when the file ends before.
+    pub fn fits(&self, what: &str, count: u64) -> Result<usize, Error> {
         let left = self.bytes.len().saturating_sub(self.at);
-        let size = usize::try_from(count).ok().filter(|_| count <= left).ok_or_else(|| {
+        usize::try_from(count).ok().filter(|_| count <= left).ok_or_else(|| {
             Error::malformed(
                 "rays.truncated",
                 format!("The file ends inside {what}: {count} bytes are announced and {left} are left."),
                 "Fetch the file again; the copy is not complete.",
             )
             .at_byte(self.at)
-        })?;
-        let mut block = vec![0; size];
+        })
+    }
+
+    /// The next `count` bytes, which are `what`.
+    ///
+    /// # Errors
+    /// `rays.truncated` when the file ends before; nothing is allocated then.
+    pub fn block(&mut self, what: &str, count: u64) -> Result<Vec<u8>, Error> {
+        let mut block = vec![0; self.fits(what, count)?];
         self.bytes.read_at(self.at, &mut block)?;
         self.at += count;
         Ok(block)
@@ -52,11 +59,6 @@ impl<'a> Cursor<'a> {
     /// `rays.truncated`.
     pub fn i32(&mut self, what: &str) -> Result<i32, Error> {
         Ok(i32_in(&self.block(what, 4)?, 0))
-    }
-
-    /// Passes over `count` bytes without looking.
-    pub fn skip(&mut self, count: u64) {
-        self.at = self.at.saturating_add(count);
     }
 }
 

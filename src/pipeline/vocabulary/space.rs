@@ -51,11 +51,6 @@ impl Axis {
         }
     }
 
-    /// +1 or -1.
-    pub fn sign(self) -> f64 {
-        self.vector()[self.component()]
-    }
-
     /// The axis in which `direction` (any length but 0) has its largest component.
     pub fn nearest(direction: DVec3) -> Axis {
         let mut best = Axis::PosZ;

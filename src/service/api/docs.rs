@@ -19,6 +19,11 @@ pub async fn contract() -> Response {
     ([(header::CONTENT_TYPE, "application/json")], CONTRACT.as_str()).into_response()
 }
 
+/// A person at the front door is shown the interface, until there is a portal.
+pub async fn front() -> Redirect {
+    Redirect::temporary("/docs/")
+}
+
 /// The pages' relative links need the slash.
 pub async fn index() -> Redirect {
     Redirect::permanent("/docs/")

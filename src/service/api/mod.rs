@@ -127,6 +127,7 @@ pub fn router(api: Api) -> Router {
         .layer(CatchPanicLayer::custom(panicked));
     router
         .route("/openapi.json", get(docs::contract))
+        .route("/", get(docs::front))
         .route("/docs", get(docs::index))
         .route("/docs/", get(docs::first_page))
         .route("/docs/{*path}", get(docs::file))

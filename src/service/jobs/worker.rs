@@ -40,7 +40,7 @@ pub fn pipeline_runner() -> Runner {
         let mut artifacts = outcome.artifacts;
         let zip = pipeline::artifacts::zip(&artifacts)?;
         artifacts.push(Artifact { name: ZIP.into(), media_type: "application/zip", bytes: zip });
-        Ok(Product { artifacts, notices: outcome.model.notices })
+        Ok(Product { artifacts, notices: outcome.notices })
     })
 }
 

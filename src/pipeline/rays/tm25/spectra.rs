@@ -43,6 +43,7 @@ impl Spectra {
                 let found = format!("A spectral table announces {stored} points.");
                 Error::malformed("tm25.table", found, "Export the file again.").at_byte(at)
             })?;
+            cursor.fits("a spectral table", 8 * size as u64)?;
             points_left = points_left.checked_sub(size).ok_or_else(|| {
                 let found = format!("The spectral tables have more than {} points.", limits.max_table_points);
                 Error::refused("tm25.too_many_table_points", found, "Raise the limit.").at_byte(at)
