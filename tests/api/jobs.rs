@@ -172,12 +172,13 @@ async fn only_the_transitions_of_the_table_happen() {
     let (ours, theirs) = (Queue::new(storage.clone(), lease, 3), Queue::new(storage.clone(), lease, 3));
     let mut seen = Vec::new();
     for from in State::ALL {
-        for change in ["claim", "cancel", "beat", "finish", "fail", "stop", "release", "sweep"] {
+        for change in ["claim", "cancel", "beat", "finish", "fail", "stop", "release", "retry", "sweep"] {
             for (cancel, attempt, expired) in [(0, 1, 0), (1, 1, 0), (0, 3, 1), (1, 1, 1), (0, 1, 1)] {
                 storage.records.write(sql("DELETE FROM jobs")).await.unwrap();
                 let id = ours.enqueue(&["r".into()], &JobOptions::default()).await.unwrap();
                 let set = "UPDATE jobs SET state = $1, fence = 7, attempt = $2, cancel_requested = $3, lease_owner = 'gone', \
-                           lease_until_ms = CASE $4 WHEN 1 THEN 0 ELSE {now} + 60000 END WHERE id = $5";
+                           lease_until_ms = CASE WHEN $1 = 'queued' THEN NULL WHEN $4 = 1 THEN 0 ELSE {now} + 60000 END \
+                           WHERE id = $5";
                 let set = sql(set).bind(from.name()).bind(attempt).bind(cancel).bind(i64::from(expired));
                 storage.records.write(set.bind(id.as_str())).await.unwrap();
                 let claim = Claim { id: id.clone(), fence: 7, attempt, options: "{}".into() };
@@ -192,6 +193,7 @@ async fn only_the_transitions_of_the_table_happen() {
                     "fail" => ours.fail(&claim, &Failure::panicked("x")).await.map(|_| ()).unwrap(),
                     "stop" => ours.stop(&claim).await.map(|_| ()).unwrap(),
                     "release" => ours.release(&claim).await.map(|_| ()).unwrap(),
+                    "retry" => ours.retry(&claim).await.map(|_| ()).unwrap(),
                     // Recovery is a sweep of everything that runs.
                     _ => ours.recover().await.unwrap(),
                 }

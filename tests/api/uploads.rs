@@ -217,3 +217,14 @@ async fn parts_stay_until_the_next_start_when_the_database_fails_as_it_takes_the
     site.restart(prompt()).await;
     assert_eq!(site.blobs(), [format!("ray-sets/{known}/000000")]);
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_list_leaves_out_the_texts_of_its_ray_sets() {
+    let site = Site::start(prompt()).await;
+    let id = site.ray_set().await;
+    let mut one = site.get(&format!("/v1/ray-sets/{id}")).await.json();
+    let texts = one["header"].as_object_mut().unwrap().remove("texts").unwrap();
+    assert!(texts.as_array().is_some_and(|texts| !texts.is_empty()), "{texts}");
+    let list = site.get("/v1/ray-sets").await.json();
+    assert_eq!(list["ray_sets"][0], one);
+}

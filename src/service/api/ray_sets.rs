@@ -30,7 +30,7 @@ pub struct RaySet {
     byte_count: u64,
     /// SHA-256 of its bytes, lower-case hex.
     sha256: String,
-    /// What it says of itself: format, ray count, totals, spectrum, texts.
+    /// What it says of itself: format, ray count, totals, spectrum, and, but in lists, texts.
     #[schema(value_type = Object)]
     header: serde_json::Value,
     /// When it was complete, epoch ms.
@@ -50,7 +50,7 @@ pub struct RaySetLinks {
 /// Ray sets, newest first.
 #[derive(Serialize, ToSchema)]
 pub struct RaySetList {
-    /// One page of them.
+    /// One page of them, their headers without texts: those may be long.
     ray_sets: Vec<RaySet>,
     /// The `after` of the next page; null on the last.
     next: Option<String>,
@@ -67,6 +67,17 @@ impl From<ray_sets::RaySet> for RaySet {
             header: serde_json::from_str(&row.header).unwrap_or_default(),
             created_ms: row.created_ms,
         }
+    }
+}
+
+impl RaySet {
+    /// As one of a list.
+    fn listed(row: ray_sets::RaySet) -> RaySet {
+        let mut ray_set = RaySet::from(row);
+        if let Some(header) = ray_set.header.as_object_mut() {
+            header.remove("texts");
+        }
+        ray_set
     }
 }
 
@@ -139,7 +150,7 @@ pub async fn list(State(api): State<Api>, Query(page): Query<Page>) -> Result<Js
     let limit = Page::limit(page.limit)?;
     let rows = ray_sets::list(&api.storage.records, page.after.as_deref(), limit as i64 + 1).await?;
     let (rows, next) = cut(rows, limit, |row| &row.id);
-    Ok(Json(RaySetList { ray_sets: rows.into_iter().map(RaySet::from).collect(), next }))
+    Ok(Json(RaySetList { ray_sets: rows.into_iter().map(RaySet::listed).collect(), next }))
 }
 
 /// Tells of a ray set

@@ -35,7 +35,11 @@ pub const TRANSITIONS: [(State, State, &str); 7] = [
     (State::Queued, State::Cancelled, "cancel"),
     (State::Running, State::Succeeded, "finish"),
     (State::Running, State::Failed, "fail; sweep, when attempts are used up"),
-    (State::Running, State::Cancelled, "stop; release, retry and sweep, when asked before"),
+    (
+        State::Running,
+        State::Cancelled,
+        "stop; release, when asked before; retry, when asked before; sweep, when asked before",
+    ),
     (State::Running, State::Queued, "release; retry, when a store did not answer; sweep, when the worker was lost"),
     (State::Running, State::Running, "beat"),
 ];
