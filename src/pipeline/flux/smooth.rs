@@ -58,12 +58,21 @@ pub struct Smoother {
 impl Smoother {
     /// The operator for `sites`, found through the spatial index. Work: sites × neighbours within the reach.
     pub fn new(sites: &[Site], reach: Reach) -> Smoother {
-        let points: Vec<Bounds> = sites.iter().map(|site| Bounds { min: site.at, max: site.at }).collect();
-        let index = Bvh::new(&points);
-        let reach = Reach { radius: reach.radius.min(typical_radius(sites, reach.rays)), ..reach };
+        let index = point_index(sites);
+        let typical = typical_radius(sites.iter().map(|site| (site.rays, site.measure)), reach.rays);
+        let reach = Reach { radius: reach.radius.min(typical), ..reach };
         let radii: Vec<f64> = (0..sites.len()).into_par_iter().map(|k| radius(sites, &index, k, reach)).collect();
+        Smoother::with_radii(sites, &index, &radii)
+    }
+
+    /// The operator with one radius for all sites: applied to several sets of amounts it commutes with adding them up.
+    pub fn uniform(sites: &[Site], radius: f64) -> Smoother {
+        Smoother::with_radii(sites, &point_index(sites), &vec![radius; sites.len()])
+    }
+
+    fn with_radii(sites: &[Site], index: &Bvh, radii: &[f64]) -> Smoother {
         let weights: Vec<Vec<(u32, f64)>> =
-            (0..sites.len()).into_par_iter().map(|k| row(sites, &index, k, &radii)).collect();
+            (0..sites.len()).into_par_iter().map(|k| row(sites, index, k, radii)).collect();
         let balance = balance(sites, &weights);
         // Normalise per giver: the measure-weighted sum of what each site gives is 1.
         let given: Vec<f64> = (0..sites.len())
@@ -100,17 +109,22 @@ impl Smoother {
     }
 }
 
-/// The radius of a neighbourhood that holds `wanted` rays at the density that the average ray finds round itself. Radii that
-/// grew on down a slope of density would tilt: a site would average with dimmer neighbours farther away than with brighter
-/// ones, and a distribution would lose its shoulders.
-fn typical_radius(sites: &[Site], wanted: f64) -> f64 {
-    let (mut rays, mut density) = (0.0, 0.0);
-    for site in sites.iter().filter(|site| site.measure > 0.0) {
-        rays += site.rays;
+fn point_index(sites: &[Site]) -> Bvh {
+    let points: Vec<Bounds> = sites.iter().map(|site| Bounds { min: site.at, max: site.at }).collect();
+    Bvh::new(&points)
+}
+
+/// The radius of a neighbourhood that holds `wanted` rays at the density that the average ray finds round itself; from the
+/// `(rays, measure)` of all sites. Radii that grew on down a slope of density would tilt: a site would average with dimmer
+/// neighbours farther away than with brighter ones, and a distribution would lose its shoulders.
+pub fn typical_radius(sites: impl Iterator<Item = (f64, f64)>, wanted: f64) -> f64 {
+    let (mut total, mut density) = (0.0, 0.0);
+    for (rays, measure) in sites.filter(|(_, measure)| *measure > 0.0) {
+        total += rays;
         // n (n − 1): a ray is no neighbour of its own.
-        density += site.rays * (site.rays - 1.0).max(0.0) / site.measure;
+        density += rays * (rays - 1.0).max(0.0) / measure;
     }
-    if density > 0.0 { (3.0 * wanted * rays / (std::f64::consts::PI * density)).sqrt() } else { f64::INFINITY }
+    if density > 0.0 { (3.0 * wanted * total / (std::f64::consts::PI * density)).sqrt() } else { f64::INFINITY }
 }
 
 /// Distances to the sites that may exchange with site `k` within `within`, itself included, nearest first.

@@ -1,20 +1,25 @@
 //! Directions to intensities.
 
+use super::super::Error;
 use super::super::flux::Amounts;
-use super::super::flux::smooth::{Reach, Site, Smoother};
+use super::super::flux::smooth::{Site, Smoother, typical_radius};
 use super::super::rays::source::Spectral;
 use super::super::rays::survey::DirectionCube;
 use super::super::vocabulary::units::Flux;
+use super::super::vocabulary::watch::StageWatch;
 use super::{Options, SphereGrid};
 use glam::DVec3;
 
-/// Rays that an intensity is averaged over: 4 % noise is left in a zone. More would blur the horizon: light behind a flat source.
-const SMOOTHING_RAYS: f64 = 400.0;
+/// Rays that an intensity is averaged over: 3 % noise is left in a zone. It blurs the horizon of a flat source by its radius, a
+/// few degrees for a million rays in 16 zones; fewer rays leave more noise than that is worth.
+const SMOOTHING_RAYS: f64 = 800.0;
 /// Smoothing reaches at most this far, radians (20°): it costs a Lambertian 1.5 % at the peak, less than the noise it takes from
 /// any zone that needs it.
 const SMOOTHING_REACH: f64 = 0.35;
 /// Steps of γ to choose from, degrees.
 const GAMMA_STEPS_DEG: [f64; 4] = [5.0, 2.5, 1.0, 0.5];
+/// Most pairs of cells that exchange; 16 bytes each, twice.
+const MOST_LINKS: f64 = 8e6;
 /// A finer step of γ is no use to cells with fewer rays than this.
 const RAYS_PER_CELL: f64 = 5.0;
 /// Step of C unless asked otherwise, degrees.
@@ -79,28 +84,35 @@ impl Grids {
         }
     }
 
-    /// What zone `id` was counted to send, from the tallies of all zones (sites `zone × cells + cell`), smoothed where asked.
-    pub fn measured(&self, id: usize, fine: &Amounts, spectral: &Amounts, smoothing: bool) -> Measured {
+    /// What each zone was counted to send, from the tallies of all zones (sites `zone × cells + cell`), smoothed where asked:
+    /// all zones alike, so that smoothing the zones smooths their sum and no more.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`].
+    pub fn measured(
+        &self,
+        fine: &Amounts,
+        spectral: &Amounts,
+        smoothing: bool,
+        watch: StageWatch<'_>,
+    ) -> Result<Vec<Measured>, Error> {
         let fine_cells = self.fine.cell_count();
         let spectral_cells = if spectral.is_empty() { 0 } else { self.spectral.cell_count() };
-        let mut fine = fine.slice(id * fine_cells..(id + 1) * fine_cells);
-        let mut spectral = spectral.slice(id * spectral_cells..(id + 1) * spectral_cells);
-        let counted = fine.rays.clone();
-        let mut sharing = counted.clone();
-        let mut smoothing_rad = 0.0;
-        if smoothing {
-            let smoother = smoother(&self.fine, &counted);
-            sharing = (0..fine.len()).map(|cell| smoother.effective_rays(&counted, cell)).collect();
-            smoothing_rad = smoother.widest;
-            fine.map(|amounts| smoother.apply(amounts));
-            if !spectral.is_empty() {
-                let smoother = self::smoother(&self.spectral, &spectral.rays);
-                spectral.map(|amounts| smoother.apply(amounts));
+        let zones = fine.len() / fine_cells;
+        let smoothers = smoothing.then(|| [smoother(&self.fine, &fine.rays), smoother(&self.spectral, &spectral.rays)]);
+        let mut measured = Vec::with_capacity(zones);
+        for id in 0..zones {
+            watch.step(id as f64 / zones as f64)?;
+            let mut zone = Measured::new(
+                fine.slice(id * fine_cells..(id + 1) * fine_cells),
+                spectral.slice(id * spectral_cells..(id + 1) * spectral_cells),
+            );
+            if let Some([fine, spectral]) = &smoothers {
+                zone.smooth(fine, spectral);
             }
+            measured.push(zone);
         }
-        let variance = |(flux, rays): (&f64, &f64)| if *rays > 0.0 { flux * flux / rays } else { 0.0 };
-        let variance = fine.primary().iter().zip(&sharing).map(variance).collect();
-        Measured { counted, fine, spectral, variance, smoothing_rad }
+        Ok(measured)
     }
 
     /// The intensities of what was measured.
@@ -142,18 +154,22 @@ impl Grids {
     }
 }
 
-/// The smoothing operator on the sphere for cells that counted `rays`.
+/// The smoothing operator on the sphere for zones whose cells counted `rays`.
 fn smoother(grid: &SphereGrid, rays: &[f64]) -> Smoother {
     let solid_angles_sr = grid.cell_solid_angles_sr();
     let site = |(cell, (c, gamma)): (usize, (f64, f64))| Site {
         at: DVec3::new(gamma.sin() * c.cos(), gamma.sin() * c.sin(), -gamma.cos()),
         measure: solid_angles_sr[cell],
-        rays: rays[cell],
+        rays: 0.0,
         part: 0,
         normal: DVec3::Z,
     };
     let sites: Vec<Site> = grid.cell_nodes().into_iter().enumerate().map(site).collect();
-    Smoother::new(&sites, Reach { rays: SMOOTHING_RAYS, radius: SMOOTHING_REACH })
+    let cells = rays.iter().copied().zip(solid_angles_sr.iter().copied().cycle());
+    let wanted = typical_radius(cells, SMOOTHING_RAYS);
+    // A cap of radius r holds r²/4 of the sphere: this many cells link to as many others.
+    let affordable = 2.0 * MOST_LINKS.sqrt() / sites.len() as f64;
+    Smoother::uniform(&sites, wanted.min(SMOOTHING_REACH).min(affordable))
 }
 
 /// What a zone, or several, send into the cells of both grids.
@@ -171,6 +187,30 @@ pub struct Measured {
 }
 
 impl Measured {
+    /// As counted.
+    fn new(fine: Amounts, spectral: Amounts) -> Measured {
+        let (counted, sharing) = (fine.rays.clone(), fine.rays.clone());
+        let mut measured = Measured { counted, fine, spectral, variance: Vec::new(), smoothing_rad: 0.0 };
+        measured.vary(&sharing);
+        measured
+    }
+
+    fn smooth(&mut self, fine: &Smoother, spectral: &Smoother) {
+        let sharing: Vec<f64> = (0..self.counted.len()).map(|cell| fine.effective_rays(&self.counted, cell)).collect();
+        self.fine.map(|amounts| fine.apply(amounts));
+        if !self.spectral.is_empty() {
+            self.spectral.map(|amounts| spectral.apply(amounts));
+        }
+        self.smoothing_rad = fine.widest;
+        self.vary(&sharing);
+    }
+
+    /// Variances of fluxes that `rays` rays share in.
+    fn vary(&mut self, rays: &[f64]) {
+        let variance = |(flux, rays): (&f64, &f64)| if *rays > 0.0 { flux * flux / rays } else { 0.0 };
+        self.variance = self.fine.primary().iter().zip(rays).map(variance).collect();
+    }
+
     /// Adds another zone: the whole source is the sum of its zones, so that its file is the sum of theirs.
     pub fn add(&mut self, other: &Measured) {
         let add = |to: &mut [f64], from: &[f64]| to.iter_mut().zip(from).for_each(|(a, b)| *a += b);
@@ -250,19 +290,16 @@ mod tests {
 
     #[test]
     fn smoothing_keeps_an_even_field_even() {
-        let grid = SphereGrid::new(36, 36);
-        for total in [2e4, 2e5, 1e6, 2e7] {
-            // A Lambertian's rays: many about γ = 0, few near the horizon, none behind.
+        for (gamma, c) in [(36, 36), (72, 36), (18, 8)] {
+            let grid = SphereGrid::new(gamma, c);
             let solid_angles_sr = grid.cell_solid_angles_sr();
-            let lambert = |((_, gamma), solid_angle): (&(f64, f64), &f64)| {
-                total * gamma.cos().max(0.0) / std::f64::consts::PI * solid_angle
-            };
-            let rays: Vec<f64> = grid.cell_nodes().iter().zip(&solid_angles_sr).map(lambert).map(f64::round).collect();
-            let smoother = smoother(&grid, &rays);
-            let even = smoother.apply(&solid_angles_sr);
-            for (cell, (flux, solid_angle)) in even.iter().zip(&solid_angles_sr).enumerate() {
-                let density = flux / solid_angle;
-                assert!((density - 1.0).abs() < 1e-3, "{total} rays, cell {cell} with {} rays: {density}", rays[cell]);
+            for total in [2e3, 2e4, 2e5, 1e6] {
+                let rays: Vec<f64> = solid_angles_sr.iter().map(|solid_angle| total * solid_angle).collect();
+                let even = smoother(&grid, &rays).apply(&solid_angles_sr);
+                for (cell, (flux, solid_angle)) in even.iter().zip(&solid_angles_sr).enumerate() {
+                    let density = flux / solid_angle;
+                    assert!((density - 1.0).abs() < 1e-3, "{gamma} {c}, {total} rays/sr, cell {cell}: {density}");
+                }
             }
         }
     }

@@ -123,11 +123,7 @@ pub fn measure(
     let zoning = Zoning::new(hull, surface, frame, options.zones);
     let grids = Grids::new(&cloud.source.survey.directions, options);
     let (fine, spectral) = collect(cloud, hull, &zoning, &grids, limits, watch.part(0.0, 0.8))?;
-    let mut measured = Vec::with_capacity(zoning.zones.len());
-    for id in 0..zoning.zones.len() {
-        watch.step(0.8 + 0.2 * id as f64 / zoning.zones.len() as f64)?;
-        measured.push(grids.measured(id, &fine, &spectral, options.smoothing));
-    }
+    let measured = grids.measured(&fine, &spectral, options.smoothing, watch.part(0.8, 1.0))?;
     let spectrum = &cloud.source.spectral;
     let zones = zoning.zones.into_iter().zip(&measured);
     let zones = zones.map(|(zone, own)| Zone { goniogram: grids.goniogram(own, spectrum), ..zone }).collect();
