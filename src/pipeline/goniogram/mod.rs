@@ -144,7 +144,8 @@ pub fn measure(
 }
 
 /// Lays every ray on the hull again and adds it to the cells of the zones its triangle's corners belong to, by the weights at
-/// its landing point: a zone's flux is the flux of its vertices. Sites are `zone × cells + cell`, over the fine and the
+/// its landing point: a zone's flux is the flux of its vertices before
+/// smoothing. Sites are `zone × cells + cell`, over the fine and the
 /// spectral grid.
 fn collect(
     cloud: &Cloud<'_>,
