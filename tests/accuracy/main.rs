@@ -60,11 +60,14 @@ impl Bench {
         self.row(what, "lm", exact, ours, within)
     }
 
+    /// Three standard errors of the brightest intensity, as the model states them.
+    fn three_sigma(&self) -> f64 {
+        3.0 * self.outcome.model.goniograms.total.quality.relative_noise_at_peak
+    }
+
     fn intensity(self, what: &'static str, direction: DVec3, within: f64) -> Bench {
         let (exact, ours) = (self.source.intensity_w_per_sr(direction), self.evaluator().intensity(direction));
-        // Three of its own standard errors, where those are more: a false alarm in 400 new seeds.
-        let noise = self.outcome.model.goniograms.total.quality.relative_noise_at_peak;
-        self.row(what, "W/sr", exact, ours, within.max(3.0 * noise))
+        self.row(what, "W/sr", exact, ours, within)
     }
 
     fn irradiance(self, what: &'static str, point_mm: DVec3, normal: DVec3, within: f64) -> Bench {
@@ -119,9 +122,12 @@ fn rows() -> Vec<Row> {
         .flux_within("flux of the red chip", |at| at.x > 0.0 && at.y > 0.0, 0.7, 0.01)
         .intensity("intensity on the axis", up, 0.02)
         .irradiance("irradiance 0.5 mm above the red chip", DVec3::new(0.6, 0.6, 0.5), -up, 0.03);
-    let cylinder = Bench::new("cylinder")
+    // 2 % is less than 1.5 of this model's own standard errors (80 000 rays/sr): this row alone is judged by those instead.
+    let cylinder = Bench::new("cylinder");
+    let by_noise = cylinder.three_sigma();
+    let cylinder = cylinder
         .flux_within("flux of its upper half", |at| at.z > 2.0, 1.0, 0.03)
-        .intensity("intensity to the side", side, 0.02)
+        .intensity("intensity to the side", side, by_noise)
         .irradiance("irradiance 1 mm off its side", DVec3::new(1.5, 0.0, 2.0), -side, 0.1);
     // Every point of the dome looks another way, which zones cannot say; the far field is right all the same.
     let dome = Bench::new("dome")
