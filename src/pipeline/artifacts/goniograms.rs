@@ -162,23 +162,9 @@ impl Grid {
             cells: "node-centred: a node's cell reaches halfway to its neighbours; the pole cells are caps shared by all C",
             solid_angle_sr: sums(grid.plane_solid_angles_sr()),
             interpolation: "bilinear in C and gamma",
-            interpolation_weight_sr: sums(interpolation_weights_sr(grid)),
+            interpolation_weight_sr: sums(grid.interpolation_weights_sr()),
         }
     }
-}
-
-/// ∫ of a node's hat function over the sphere, sr, by γ node: what a node weighs when the grid is read bilinearly. With step h,
-/// ∫ (1 - |t|/h) sin(γ + t) dt = 2 (1 - cos h)/h sin γ between the poles, 1 - sin h / h at them.
-fn interpolation_weights_sr(grid: &SphereGrid) -> Vec<f64> {
-    let last = grid.gamma_nodes() - 1;
-    let step = std::f64::consts::PI / last as f64;
-    let width = std::f64::consts::TAU / grid.c_planes() as f64;
-    let weight = |k: usize| match k {
-        0 => 1.0 - step.sin() / step,
-        k if k == last => 1.0 - step.sin() / step,
-        k => 2.0 * (1.0 - step.cos()) / step * (k as f64 * step).sin(),
-    };
-    (0..=last).map(|k| width * weight(k)).collect()
 }
 
 /// The bands of every spectral number.

@@ -173,21 +173,10 @@ impl HullFacts {
             resolution: hull.resolution,
             cell_mm: hull.cell_mm.to_array().map(sum),
             max_edge_mm: sum(hull.max_edge_mm),
-            boundary_edges: boundary_edges(&hull.triangles),
+            boundary_edges: hull.boundary_edges(),
             broken_rules: hull.check().iter().map(ToString::to_string).collect(),
         }
     }
-}
-
-/// Edges that belong to one triangle only; 0 for a closed surface.
-fn boundary_edges(triangles: &[[u32; 3]]) -> usize {
-    let mut edges: Vec<[u32; 2]> = triangles
-        .iter()
-        .flat_map(|[a, b, c]| [[*a, *b], [*b, *c], [*c, *a]])
-        .map(|[a, b]| [a.min(b), a.max(b)])
-        .collect();
-    edges.sort_unstable();
-    edges.chunk_by(|a, b| a == b).filter(|same| same.len() == 1).count()
 }
 
 #[derive(Serialize)]
