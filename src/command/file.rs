@@ -1,7 +1,7 @@
 //! A file on disk as the pipeline wants its bytes: random access, never more in memory than is asked for.
 
 use super::Failure;
-use crate::pipeline::{Bytes, Input};
+use crate::pipeline::{Bytes, Declared, Input};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io;
@@ -36,7 +36,7 @@ pub fn open(path: &Path) -> Result<Input, Failure> {
     let byte_count = io::copy(&mut file, &mut Digested(&mut digest)).map_err(disk)?;
     let sha256 = digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-    Ok(Input { name, sha256, bytes: Arc::new(OpenFile { file, byte_count }) })
+    Ok(Input { name, sha256, bytes: Arc::new(OpenFile { file, byte_count }), declared: Declared::default() })
 }
 
 /// Writing into a digest.

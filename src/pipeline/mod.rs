@@ -23,11 +23,13 @@ pub mod artifacts;
 pub use artifacts::{Artifact, IesEdition, Spectra};
 pub use error::{Error, Fault, Place};
 pub use hull::Emission;
+pub use rays::declared::{Column, Declared, FluxOverride};
 pub use rays::inspect::{Header, Inspection};
 pub use rays::{Bytes, Format, Input};
 pub use vocabulary::limits::Limits;
 pub use vocabulary::notice::Notice;
 pub use vocabulary::space::Axis;
+pub use vocabulary::units::{LengthUnit, Quantity};
 pub use vocabulary::watch::{Stage, Unwatched, Watch};
 
 use serde::Serialize;

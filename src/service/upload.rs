@@ -5,7 +5,7 @@ use super::jobs::worker::hex;
 use super::storage::parts::{Part, Parts};
 use super::storage::ray_sets::{self, RaySet};
 use super::storage::{self, Storage, new_id, ray_set_folder};
-use crate::pipeline::{self, Input, Limits};
+use crate::pipeline::{self, Declared, Input, Limits};
 use bytes::{Bytes, BytesMut};
 use futures::{Stream, StreamExt};
 use sha2::{Digest, Sha256};
@@ -126,7 +126,12 @@ impl Intake {
             return Err(Error::Digest { announced, found: sha256 });
         }
         let bytes = Parts::new(self.storage.blobs.clone(), parts.clone(), Handle::current());
-        let input = Input { name: announcement.name.clone(), sha256: sha256.clone(), bytes: Arc::new(bytes) };
+        let input = Input {
+            name: announcement.name.clone(),
+            sha256: sha256.clone(),
+            bytes: Arc::new(bytes),
+            declared: Declared::default(),
+        };
         let header = self.header(input).await?;
         let ray_set = RaySet { id: id.to_owned(), name: announcement.name, byte_count, sha256, header, created_ms: 0 };
         Ok((ray_set, parts))

@@ -8,7 +8,7 @@
 use glam::DVec3;
 use lampwright::pipeline::model::radiance::{Evaluator, Quantity};
 use lampwright::pipeline::rays::synthetic::{KnownSource, by_name, write_tm25};
-use lampwright::pipeline::{Input, Limits, Options, Outcome, Unwatched, run};
+use lampwright::pipeline::{Declared, Input, Limits, Options, Outcome, Unwatched, run};
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 use std::sync::Arc;
 
@@ -41,7 +41,8 @@ impl Bench {
         let source = by_name(name).unwrap();
         let mut bytes = Vec::new();
         write_tm25(&source, RAYS, 1, &mut bytes).unwrap();
-        let input = Input { name: name.into(), sha256: "0".repeat(64), bytes: Arc::new(bytes) };
+        let input =
+            Input { name: name.into(), sha256: "0".repeat(64), bytes: Arc::new(bytes), declared: Declared::default() };
         let outcome = run(&[input], &Options::default(), &Limits::default(), &Unwatched).unwrap();
         Bench { source, outcome, rows: Vec::new() }
     }

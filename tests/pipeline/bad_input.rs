@@ -1,14 +1,15 @@
 //! What strangers send, through the whole pipeline: an error that says what and where, or a model with notices. Never a panic.
 
 use lampwright::pipeline::rays::synthetic::{by_name, write_tm25};
-use lampwright::pipeline::{Error, Input, Limits, Options, Outcome, Unwatched, run};
+use lampwright::pipeline::{Declared, Error, Input, Limits, Options, Outcome, Unwatched, run};
 use std::sync::Arc;
 
 /// First ray of a file without tables (FORMATS.md 1).
 const RAY_START: usize = 36_288;
 
 fn build(bytes: Vec<u8>) -> Result<Outcome, Error> {
-    let input = Input { name: "bad".into(), sha256: "0".repeat(64), bytes: Arc::new(bytes) };
+    let input =
+        Input { name: "bad".into(), sha256: "0".repeat(64), bytes: Arc::new(bytes), declared: Declared::default() };
     run(&[input], &Options::default(), &Limits::default(), &Unwatched)
 }
 

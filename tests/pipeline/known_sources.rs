@@ -9,7 +9,7 @@ use lampwright::pipeline::model::Model;
 use lampwright::pipeline::rays::synthetic::shape::Shape;
 use lampwright::pipeline::rays::synthetic::{KnownSource, all, by_name, write_tm25};
 use lampwright::pipeline::vocabulary::space::{Axis, Frame};
-use lampwright::pipeline::{Input, Limits, Options, Outcome, Unwatched, run};
+use lampwright::pipeline::{Declared, Input, Limits, Options, Outcome, Unwatched, run};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -18,7 +18,12 @@ const RAYS: u64 = 1_000_000;
 fn outcome(source: &KnownSource, rays: u64, options: &Options) -> Outcome {
     let mut bytes = Vec::new();
     write_tm25(source, rays, 7, &mut bytes).unwrap();
-    let input = Input { name: source.name.into(), sha256: "0".repeat(64), bytes: Arc::new(bytes) };
+    let input = Input {
+        name: source.name.into(),
+        sha256: "0".repeat(64),
+        bytes: Arc::new(bytes),
+        declared: Declared::default(),
+    };
     run(&[input], options, &Limits::default(), &Unwatched).unwrap()
 }
 

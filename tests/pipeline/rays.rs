@@ -9,13 +9,20 @@ use lampwright::pipeline::rays::tm25::header::{Flags, Header, SpectralId};
 use lampwright::pipeline::rays::tm25::{Preamble, additional::Additional, spectra::Spectra, writer::Writer};
 use lampwright::pipeline::rays::{Bytes, Options, RawRay, Ray, Source, digest, read};
 use lampwright::pipeline::vocabulary::watch::StageWatch;
-use lampwright::pipeline::{Error, Format, Input, Limits, Place, Stage, Unwatched, Watch, header, inspect, peek};
+use lampwright::pipeline::{
+    Declared, Error, Format, Input, Limits, Place, Stage, Unwatched, Watch, header, inspect, peek,
+};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 fn input(bytes: Vec<u8>) -> Input {
-    Input { name: "test".into(), sha256: digest(&bytes).unwrap(), bytes: Arc::new(bytes) }
+    Input {
+        name: "test".into(),
+        sha256: digest(&bytes).unwrap(),
+        bytes: Arc::new(bytes),
+        declared: Declared::default(),
+    }
 }
 
 fn read_with(files: &[Vec<u8>], options: &Options, watch: &dyn Watch) -> Result<Source, Error> {
@@ -383,7 +390,8 @@ impl Bytes for Broken {
 #[test]
 fn a_failing_medium_is_told() {
     let bytes = Broken(known(&synthetic::by_name("flat-chip").unwrap(), 40_000));
-    let input = Input { name: "test".into(), sha256: String::new(), bytes: Arc::new(bytes) };
+    let input =
+        Input { name: "test".into(), sha256: String::new(), bytes: Arc::new(bytes), declared: Declared::default() };
     let error = inspect(&input, &Limits::default(), &Unwatched).err().unwrap();
     assert!(error.to_string().contains("disk on fire"), "{error}");
 }

@@ -29,70 +29,79 @@ pub fn detect_start(start: &[u8], length: Option<u64>) -> Result<Option<Format>,
     if start.starts_with(b"TM25") {
         return Ok(Some(Format::Tm25));
     }
+    if start.starts_with(b"LTRF") {
+        return Ok(Some(Format::LightToolsBinary));
+    }
     if start.len() >= 4 && zemax::IDENTIFIERS.contains(&i32_in(start, 0)) {
         return Ok(Some(Format::ZemaxBinary));
     }
-    if let Some(error) = known_by_magic(start) {
+    if let Some(error) = refused_by_magic(start) {
         return Err(error);
+    }
+    if is_asap(start) {
+        return Ok(Some(Format::Asap));
     }
     let complete = start.len() >= LOOK || length.is_some_and(|length| start.len() as u64 >= length);
     if !complete {
         return Ok(None);
     }
-    Err(if start.contains(&0) { speos(start, length).unwrap_or_else(unknown) } else { text(start) }.at_byte(0))
+    if !start.contains(&0) {
+        return text(start).map(Some).map_err(|error| error.at_byte(0));
+    }
+    if is_speos(start, length) { Ok(Some(Format::Speos)) } else { Err(unknown()) }
 }
 
 /// What to do instead, for most formats.
 const EXPORT: &str = "Use the same source's IES TM-25 or Zemax binary file; vendors offer both.";
 
-fn not_read(code: &'static str, what: &str) -> Error {
+/// The answer for a format that is known and not read.
+pub fn not_read(code: &'static str, what: &str) -> Error {
     Error::refused(code, format!("This is {what}, which is not read yet."), EXPORT)
 }
 
-fn known_by_magic(start: &[u8]) -> Option<Error> {
-    let code = i32_in(start, 0);
-    let asap = start.len() >= 4 && (247 + 1024 * 7..=247 + 1024 * 16).contains(&code) && (code - 247) % 1024 == 0;
+fn refused_by_magic(start: &[u8]) -> Option<Error> {
     let error = if start.starts_with(b"version https://git-lfs") {
         let found = "This is a git-lfs pointer, not the ray file it stands for.";
         Error::refused("detect.git_lfs", found, "Fetch the file itself (`git lfs pull`) and send that.")
     } else if start.starts_with(b"PK\x03\x04") || start.starts_with(&[0x1f, 0x8b]) {
         let found = "This is a compressed archive, not a ray file.";
         Error::refused("detect.archive", found, "Unpack it and send the ray file inside.")
-    } else if start.starts_with(b"LTRF") {
-        not_read("detect.lighttools", "a LightTools binary ray file")
-    } else if asap {
-        not_read("detect.asap", "an ASAP .dis ray file")
     } else {
         return None;
     };
     Some(error.at_byte(0))
 }
 
-/// Speos has no magic: a 28-byte header with five 2.0 in it, then records of 32 bytes.
-fn speos(start: &[u8], length: Option<u64>) -> Option<Error> {
-    let twos = (1..6).all(|k| f32_in(start, 4 * k) == 2.0);
-    let whole = length.is_none_or(|length| length >= 28 && (length - 28) % 32 == 0);
-    (twos && whole).then(|| not_read("detect.speos", "a Speos .ray file"))
+/// The first word of an ASAP distribution is 247 + 256 × the bytes of a record of 7 to 16 words.
+fn is_asap(start: &[u8]) -> bool {
+    let code = i32_in(start, 0);
+    start.len() >= 4 && (247 + 1024 * 7..=247 + 1024 * 16).contains(&code) && (code - 247) % 1024 == 0
 }
 
-fn text(start: &[u8]) -> Error {
+/// Speos has no magic: a 28-byte header with five 2.0 in it, then records of 32 bytes.
+fn is_speos(start: &[u8], length: Option<u64>) -> bool {
+    let twos = (1..6).all(|k| f32_in(start, 4 * k) == 2.0);
+    twos && length.is_none_or(|length| length >= 28 && (length - 28) % 32 == 0)
+}
+
+fn text(start: &[u8]) -> Result<Format, Error> {
     let text = String::from_utf8_lossy(start).to_lowercase();
     if text.contains("lt_rdf_version") || text.contains("lt_startofdata") {
-        return not_read("detect.lighttools_text", "a LightTools text ray file");
+        return Ok(Format::LightToolsText);
     }
     if text.contains("nbrrays requested") {
-        return not_read("detect.tracepro_text", "a TracePro / ProSource text ray file");
+        return Ok(Format::ProSourceText);
     }
     let printable = start.iter().all(|byte| !byte.is_ascii_control() || byte.is_ascii_whitespace());
     let numbers = text.split_ascii_whitespace().take(8).all(|word| word.parse::<f64>().is_ok());
     if printable && numbers && !text.trim().is_empty() {
-        return not_read("detect.text", "a ray file in text columns (Zemax text or similar)");
+        return Ok(Format::Columns);
     }
     if printable {
         let found = "This is text, not a ray file.";
-        return Error::malformed("detect.not_rays", found, EXPORT);
+        return Err(Error::malformed("detect.not_rays", found, EXPORT));
     }
-    unknown()
+    Err(unknown())
 }
 
 fn unknown() -> Error {

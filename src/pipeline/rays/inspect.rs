@@ -9,7 +9,7 @@ use super::super::vocabulary::units::Flux;
 use super::super::vocabulary::watch::StageWatch;
 use super::conversion::Conversion;
 use super::survey::{Reading, survey, wider};
-use super::{Bytes, Facts, Format, Input, SpectralData, TotalRule, bands, detect, open, tm25, totals, zemax};
+use super::{Bytes, Facts, Format, Input, SpectralData, TotalRule, bands, detect, open, totals};
 use serde::Serialize;
 use std::io;
 use std::sync::Arc;
@@ -110,11 +110,7 @@ pub fn peek(prefix: &[u8], length: Option<u64>, limits: &Limits) -> Result<Optio
     let start = prefix.get(..prefix.len().min(detect::LOOK)).unwrap_or_default();
     let Some(format) = detect::detect_start(start, length)? else { return Ok(None) };
     let bytes = Prefix { bytes: prefix, length: length.unwrap_or(u64::MAX) };
-    let verdict = match format {
-        Format::Tm25 => tm25::peek(&bytes, length, limits),
-        Format::ZemaxBinary => zemax::peek(&bytes, length),
-    };
-    match verdict {
+    match super::peek(format, &bytes, length, limits) {
         Err(Error::Unreadable(_)) | Ok(()) => Ok(Some(format)),
         Err(error) => Err(error),
     }
@@ -144,7 +140,7 @@ impl Bytes for Prefix<'_> {
 /// # Errors
 /// As [`open`].
 pub fn header(input: &Input, limits: &Limits) -> Result<Header, Error> {
-    Ok(Header::of(&open(Arc::clone(&input.bytes), limits)?.facts, input.bytes.len()))
+    Ok(Header::of(&open(Arc::clone(&input.bytes), &input.declared, limits)?.facts, input.bytes.len()))
 }
 
 /// Reads a whole file once and tells what is in it.
@@ -152,7 +148,7 @@ pub fn header(input: &Input, limits: &Limits) -> Result<Header, Error> {
 /// # Errors
 /// As [`super::read`].
 pub fn inspect(input: &Input, limits: &Limits, watch: StageWatch<'_>) -> Result<Inspection, Error> {
-    let set = open(Arc::clone(&input.bytes), limits)?;
+    let set = open(Arc::clone(&input.bytes), &input.declared, limits)?;
     let bands: Bands = bands::asked(&super::Options::default())?.into_bands();
     let radiant = totals::known(std::slice::from_ref(&set))?.radiant;
     let reading = survey(&set, radiant, &bands, limits, watch)?;

@@ -8,6 +8,24 @@ pub mod detect;
 pub mod tm25;
 /// Zemax / OpticStudio binary source files.
 pub mod zemax;
+/// LightTools binary ray files.
+mod lighttools;
+/// Speos / OPTIS ray files.
+mod speos;
+/// ASAP .dis ray files.
+mod asap;
+/// Text: lines at random access, shared by every text format.
+mod lines;
+/// LightTools text ray files.
+mod lighttools_text;
+/// Zemax text ray files.
+mod zemax_text;
+/// TracePro / ProSource text ray files.
+mod prosource_text;
+/// Rays in columns of numbers, named or not: CSV and the like.
+mod columns;
+/// What a user says of a file, before the file's own word.
+pub mod declared;
 /// What a ray must satisfy.
 pub mod check;
 /// From stored numbers to W and lm.
@@ -28,13 +46,14 @@ pub mod inspect;
 pub mod synthetic;
 
 pub use bytes::digest;
+pub use declared::Declared;
 pub use source::{Ray, Source};
 
 use super::Error;
 use super::vocabulary::limits::Limits;
 use super::vocabulary::notice::Notices;
 use super::vocabulary::spectrum::Table;
-use super::vocabulary::units::Flux;
+use super::vocabulary::units::{Flux, LengthUnit};
 use super::vocabulary::watch::StageWatch;
 use serde::Serialize;
 use std::io;
@@ -77,6 +96,8 @@ pub struct Input {
     pub sha256: String,
     /// The bytes.
     pub bytes: Arc<dyn Bytes>,
+    /// What the user says of them.
+    pub declared: Declared,
 }
 
 /// How rays are read.
@@ -106,6 +127,27 @@ pub enum Format {
     /// Zemax / OpticStudio binary .dat/.sdf.
     #[serde(rename = "Zemax binary")]
     ZemaxBinary,
+    /// Zemax / OpticStudio text.
+    #[serde(rename = "Zemax text")]
+    ZemaxText,
+    /// LightTools binary .ray.
+    #[serde(rename = "LightTools binary")]
+    LightToolsBinary,
+    /// LightTools text .ray.
+    #[serde(rename = "LightTools text")]
+    LightToolsText,
+    /// Speos / OPTIS .ray.
+    #[serde(rename = "Speos")]
+    Speos,
+    /// ASAP .dis.
+    #[serde(rename = "ASAP distribution")]
+    Asap,
+    /// TracePro / ProSource text.
+    #[serde(rename = "TracePro text")]
+    ProSourceText,
+    /// Columns of numbers: CSV and the like.
+    #[serde(rename = "text columns")]
+    Columns,
 }
 
 impl Format {
@@ -114,6 +156,13 @@ impl Format {
         match self {
             Format::Tm25 => "IES TM-25",
             Format::ZemaxBinary => "Zemax binary",
+            Format::ZemaxText => "Zemax text",
+            Format::LightToolsBinary => "LightTools binary",
+            Format::LightToolsText => "LightTools text",
+            Format::Speos => "Speos",
+            Format::Asap => "ASAP distribution",
+            Format::ProSourceText => "TracePro text",
+            Format::Columns => "text columns",
         }
     }
 }
@@ -171,6 +220,10 @@ pub struct Facts {
     pub has_luminous: bool,
     /// What they carry of the spectrum.
     pub spectral: SpectralData,
+    /// Length unit of the file; `None` where it does not say and none was declared: it is then read as if in mm.
+    pub length_unit: Option<LengthUnit>,
+    /// The file does not say whether its flux is W or lm, and nothing was declared: values stand in [`RawRay::radiant`].
+    pub quantity_unknown: bool,
     /// Everything else worth telling, `(name, value)` in the file's order: texts, dates, versions, codes.
     pub texts: Vec<(String, String)>,
     /// What was odd about the header and yet read.
@@ -213,14 +266,40 @@ pub struct RaySet {
     pub records: Box<dyn Records>,
 }
 
-/// Opens one ray file: detects its format, decodes its header, proves its count. Reads no ray.
+/// Opens one ray file: detects its format, decodes its header, proves its count, obeys what was declared of it. Reads no ray.
 ///
 /// # Errors
-/// [`Error::Malformed`], [`Error::Refused`], [`Error::Unreadable`].
-pub fn open(bytes: Arc<dyn Bytes>, limits: &Limits) -> Result<RaySet, Error> {
-    match detect::detect(bytes.as_ref())? {
+/// [`Error::Malformed`], [`Error::Refused`], [`Error::Unreadable`]; [`Error::Unusable`] for a declaration that cannot be right.
+pub fn open(bytes: Arc<dyn Bytes>, declared: &Declared, limits: &Limits) -> Result<RaySet, Error> {
+    let set = match detect::detect(bytes.as_ref())? {
         Format::Tm25 => tm25::open(bytes, limits),
         Format::ZemaxBinary => zemax::open(bytes, limits),
+        Format::ZemaxText => zemax_text::open(bytes, limits),
+        Format::LightToolsBinary => lighttools::open(bytes, limits),
+        Format::LightToolsText => lighttools_text::open(bytes, limits),
+        Format::Speos => speos::open(bytes, limits),
+        Format::Asap => asap::open(bytes, limits),
+        Format::ProSourceText => prosource_text::open(bytes, limits),
+        Format::Columns => columns::open(bytes, declared.columns.as_deref(), limits),
+    }?;
+    declared::obey(set, declared)
+}
+
+/// Judges a file of a known format by its first bytes, `length` being its full length where that is known.
+///
+/// # Errors
+/// As [`open`], as soon as the bytes at hand prove it; [`Error::Unreadable`] (end of file) when they hold too little to tell.
+pub fn peek(format: Format, bytes: &dyn Bytes, length: Option<u64>, limits: &Limits) -> Result<(), Error> {
+    match format {
+        Format::Tm25 => tm25::peek(bytes, length, limits),
+        Format::ZemaxBinary => zemax::peek(bytes, length),
+        Format::ZemaxText => zemax_text::peek(bytes, length),
+        Format::LightToolsBinary => lighttools::peek(bytes, length),
+        Format::LightToolsText => lighttools_text::peek(bytes, length),
+        Format::Speos => speos::peek(bytes, length),
+        Format::Asap => asap::peek(bytes, length),
+        Format::ProSourceText => prosource_text::peek(bytes, length),
+        Format::Columns => columns::peek(bytes, length),
     }
 }
 

@@ -285,7 +285,7 @@ fn open_all(inputs: &[Input], limits: &Limits) -> Result<Vec<RaySet>, Error> {
         let found = "No ray file was given.";
         return Err(Error::unusable("rays.no_input", "inputs", found, "Name at least one."));
     }
-    inputs.iter().map(|input| open(Arc::clone(&input.bytes), limits)).collect()
+    inputs.iter().map(|input| open(Arc::clone(&input.bytes), &input.declared, limits)).collect()
 }
 
 impl Channel {

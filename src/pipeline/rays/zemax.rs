@@ -7,7 +7,7 @@ use super::super::Error;
 use super::super::vocabulary::limits::Limits;
 use super::super::vocabulary::notice::Notices;
 use super::super::vocabulary::spectrum::Table;
-use super::super::vocabulary::units::Flux;
+use super::super::vocabulary::units::{Flux, LengthUnit};
 use super::bytes::{Cursor, ascii, f32_in, i32_in, u32_in};
 use super::check;
 use super::{Bytes, Facts, Format, RawRay, RaySet, Records, SpectralData, TotalRule};
@@ -77,8 +77,8 @@ struct Layout {
     luminous: bool,
     /// Flux type as stored.
     flux_type: i32,
-    /// Millimetres per length unit.
-    mm: f64,
+    /// Length unit of positions.
+    unit: LengthUnit,
 }
 
 impl Layout {
@@ -126,12 +126,12 @@ impl Header {
 
     fn layout_at(&self, start: u64, spectral: bool, format_at: usize) -> Result<Layout, Error> {
         let (unit, flux_type) = (i32_in(&self.block, 136), i32_in(&self.block, format_at + 4));
-        let mm = match unit {
-            0 => 1000.0,
-            1 => 25.4,
-            2 => 10.0,
-            3 => 304.8,
-            4 => 1.0,
+        let unit = match unit {
+            0 => LengthUnit::Metre,
+            1 => LengthUnit::Inch,
+            2 => LengthUnit::Centimetre,
+            3 => LengthUnit::Foot,
+            4 => LengthUnit::Millimetre,
             _ => {
                 let found = format!("The length unit is {unit}; only 0 to 4 (m, in, cm, ft, mm) exist.");
                 return Err(Error::malformed("zemax.unit", found, "Export the file again.").at_byte(136));
@@ -142,7 +142,7 @@ impl Header {
             let remedy = "Export the file again with a flux unit.";
             return Err(Error::malformed("zemax.flux_type", found, remedy).at_byte(format_at as u64 + 4));
         }
-        Ok(Layout { start, spectral, luminous: !spectral && flux_type == 1, flux_type, mm })
+        Ok(Layout { start, spectral, luminous: !spectral && flux_type == 1, flux_type, unit })
     }
 
     fn facts(&self, layout: &Layout) -> Result<Facts, Error> {
@@ -170,6 +170,8 @@ impl Header {
             has_radiant: !layout.luminous,
             has_luminous: layout.luminous,
             spectral: self.spectral(layout, &mut notices),
+            length_unit: Some(layout.unit),
+            quantity_unknown: false,
             texts: self.texts(layout),
             notices,
         })
@@ -234,7 +236,8 @@ impl ZemaxRecords {
 impl Records for ZemaxRecords {
     fn read(&self, first: u64, count: usize, rays: &mut Vec<RawRay>) -> Result<(), Error> {
         let block = self.block(first, count)?;
-        let Layout { spectral, luminous, mm, .. } = self.layout;
+        let Layout { spectral, luminous, unit, .. } = self.layout;
+        let mm = unit.mm();
         let (words, _) = block.as_chunks::<4>();
         rays.extend(words.chunks_exact(if spectral { 8 } else { 7 }).map(|record| {
             let at = |k: usize| record.get(k).map_or(0.0, |word| f64::from(f32::from_le_bytes(*word)));

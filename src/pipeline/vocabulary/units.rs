@@ -6,6 +6,74 @@ use serde::Serialize;
 /// photometric standard does).
 pub const KM_LM_PER_W: f64 = 683.0;
 
+/// Units of length that ray files come in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum LengthUnit {
+    Nanometre,
+    Micrometre,
+    Millimetre,
+    Centimetre,
+    Metre,
+    Inch,
+    Foot,
+}
+
+impl LengthUnit {
+    /// All, from small to large.
+    pub const ALL: [LengthUnit; 7] = [
+        LengthUnit::Nanometre,
+        LengthUnit::Micrometre,
+        LengthUnit::Millimetre,
+        LengthUnit::Centimetre,
+        LengthUnit::Inch,
+        LengthUnit::Foot,
+        LengthUnit::Metre,
+    ];
+
+    /// Millimetres in one of it, exact.
+    pub fn mm(self) -> f64 {
+        match self {
+            LengthUnit::Nanometre => 1e-6,
+            LengthUnit::Micrometre => 1e-3,
+            LengthUnit::Millimetre => 1.0,
+            LengthUnit::Centimetre => 10.0,
+            LengthUnit::Metre => 1000.0,
+            LengthUnit::Inch => 25.4,
+            LengthUnit::Foot => 304.8,
+        }
+    }
+
+    /// Its symbol: what people write, and what options and answers say.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            LengthUnit::Nanometre => "nm",
+            LengthUnit::Micrometre => "um",
+            LengthUnit::Millimetre => "mm",
+            LengthUnit::Centimetre => "cm",
+            LengthUnit::Metre => "m",
+            LengthUnit::Inch => "in",
+            LengthUnit::Foot => "ft",
+        }
+    }
+
+    /// The unit with this symbol.
+    pub fn from_symbol(symbol: &str) -> Option<LengthUnit> {
+        LengthUnit::ALL.into_iter().find(|unit| unit.symbol() == symbol)
+    }
+}
+
+/// Which flux a number is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Quantity {
+    /// Radiant flux, W.
+    Radiant,
+    /// Luminous flux, lm.
+    Luminous,
+}
+
 /// A flux in both systems; `None` where it cannot be known without guessing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Flux {

@@ -6,7 +6,7 @@ use super::options::JobOptions;
 use super::query::{self, StoredArtifact};
 use super::queue::{Beat, Claim, Queue};
 use super::{Failure, StoredNotice};
-use crate::pipeline::{self, Artifact, Input, Limits, Notice, Stage, Watch};
+use crate::pipeline::{self, Artifact, Declared, Input, Limits, Notice, Stage, Watch};
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
@@ -237,7 +237,7 @@ impl Worker {
             let ray_set = ray_sets::get(&self.storage.records, &id).await?.ok_or_else(missing)?;
             let parts = ray_sets::parts(&self.storage.records, &id).await?;
             let bytes = Arc::new(Parts::new(self.storage.blobs.clone(), parts, Handle::current()));
-            inputs.push(Input { name: ray_set.name, sha256: ray_set.sha256, bytes });
+            inputs.push(Input { name: ray_set.name, sha256: ray_set.sha256, bytes, declared: Declared::default() });
         }
         Ok(inputs)
     }

@@ -23,7 +23,7 @@ pub mod writer;
 use super::super::Error;
 use super::super::vocabulary::limits::Limits;
 use super::super::vocabulary::notice::Notices;
-use super::super::vocabulary::units::Flux;
+use super::super::vocabulary::units::{Flux, LengthUnit};
 use super::bytes::Cursor;
 use super::{Bytes, Facts, Format, RaySet, SpectralData, TotalRule};
 use additional::Additional;
@@ -126,6 +126,8 @@ fn facts(preamble: Preamble, layout: &Layout, mut notices: Notices) -> Result<Fa
         has_radiant: header.flags.radiant,
         has_luminous: header.flags.luminous,
         spectral,
+        length_unit: Some(LengthUnit::Millimetre),
+        quantity_unknown: false,
         texts,
         notices,
     })
