@@ -4,6 +4,8 @@
 
 mod bad_input;
 mod known_sources;
+mod prefixes;
 mod rays;
+mod writers;
 #[path = "../support/statistics.rs"]
 mod statistics;

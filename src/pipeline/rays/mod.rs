@@ -43,7 +43,7 @@ pub mod source;
 /// What can be said of a file before a model is made of it.
 pub mod inspect;
 /// Rays as rows of bytes, written as a stream.
-pub mod rows;
+pub mod row_writer;
 /// Writing Zemax binary source files.
 pub mod zemax_writer;
 /// One ray file as another.

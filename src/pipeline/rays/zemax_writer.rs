@@ -4,7 +4,7 @@
 //! and 0 where it is not: angles, place and rotation are informational.
 
 use super::RawRay;
-use super::rows::{self, Encode};
+use super::row_writer::{self, Encode};
 use super::zemax::{HEADER, IDENTIFIERS, NM_PER_UM};
 use std::io::{self, Write};
 
@@ -14,7 +14,7 @@ const DESCRIPTION_BYTES: usize = 100;
 const MILLIMETRE: i32 = 4;
 
 /// A file being written.
-pub type Writer<'a> = rows::Writer<'a, Rows>;
+pub type Writer<'a> = row_writer::Writer<'a, Rows>;
 
 /// What stands before the rays.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -43,7 +43,7 @@ pub enum Rows {
     Spectral,
 }
 
-impl<'a> rows::Writer<'a, Rows> {
+impl<'a> row_writer::Writer<'a, Rows> {
     /// Writes all that comes before the rays.
     ///
     /// # Errors
@@ -72,7 +72,7 @@ impl<'a> rows::Writer<'a, Rows> {
             header.description.chars().map(|c| if c.is_ascii() && !c.is_ascii_control() { c as u8 } else { b'?' });
         block.iter_mut().skip(8).zip(shown.take(DESCRIPTION_BYTES)).for_each(|(byte, value)| *byte = value);
         out.write_all(&block)?;
-        Ok(rows::Writer::announced(out, header.rows, header.ray_count.into()))
+        Ok(row_writer::Writer::announced(out, header.rows, header.ray_count.into()))
     }
 }
 

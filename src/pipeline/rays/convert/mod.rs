@@ -16,7 +16,7 @@ use super::super::vocabulary::units::Flux;
 use super::super::vocabulary::watch::StageWatch;
 use super::check::Checked;
 use super::chunks;
-use super::rows::{Encode, Writer};
+use super::row_writer::{Encode, Writer};
 use super::source::{CHUNK_RAYS, Channel};
 use super::{Facts, Format, Input, Options, RawRay, Source};
 use std::io::{self, Write};
@@ -71,8 +71,8 @@ impl From<io::Error> for Failed {
 /// Writes `input` to `out` as a file of format `target`. Reads the rays twice: the count and the totals stand before them.
 ///
 /// # Errors
-/// As [`super::read`]; `convert.unit_unknown`, `convert.quantity_unknown`, `convert.number_too_large`,
-/// `convert.table_too_fine`, `zemax.color_per_ray`, `zemax.too_many_rays`; what `out` answers. `out` then holds a part of a
+/// As [`super::read`]; `convert.number_too_large`, `convert.table_too_fine`, `zemax.color_per_ray`, `zemax.too_many_rays`;
+/// what `out` answers. `out` then holds a part of a
 /// file, or nothing.
 pub fn convert(
     input: &Input,
@@ -87,7 +87,6 @@ pub fn convert(
     let Some(channel) = source.channels.first() else {
         return Err(Error::unusable("rays.no_input", "inputs", "No ray file was given.", "Name one.").into());
     };
-    judge(channel.facts())?;
     let watch = watch.part(0.4, 1.0);
     let flux_out = match target {
         Target::Tm25 => {
@@ -111,19 +110,6 @@ pub fn convert(
         flux_out,
         notices: notices.to_vec(),
     })
-}
-
-/// A file written must say what its numbers are; what the input does not say is not guessed.
-fn judge(facts: &Facts) -> Result<(), Error> {
-    if facts.length_unit.is_none() {
-        let found = "The file does not say in which unit its positions are.";
-        return Err(Error::unusable("convert.unit_unknown", "length_unit", found, "Say which it is."));
-    }
-    if facts.quantity_unknown {
-        let found = "The file does not say whether its flux is in W or in lm.";
-        return Err(Error::unusable("convert.quantity_unknown", "quantity", found, "Say which it is."));
-    }
-    Ok(())
 }
 
 /// All usable rays of `channel`, in order; the sums of the W and of the lm, as rounded for the file.

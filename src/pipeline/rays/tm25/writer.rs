@@ -1,7 +1,7 @@
 //! Writing TM-25-13 files as a stream: the count comes first, the rays after it, memory does not grow with them.
 
 use super::super::RawRay;
-use super::super::rows::{self, Encode};
+use super::super::row_writer::{self, Encode};
 use super::additional::{COLUMN_NAME_BYTES, to_utf32};
 use super::header::{Flags, Header, SpectralId, TEXT_POINTS};
 use super::{ALIGNMENT, Preamble};
@@ -13,7 +13,7 @@ const UNKNOWN: f32 = f32::NAN;
 const STOKES_COLUMNS: u64 = 6;
 
 /// A file being written.
-pub type Writer<'a> = rows::Writer<'a, Rows>;
+pub type Writer<'a> = row_writer::Writer<'a, Rows>;
 
 /// Turns rays into rows; what [`Writer::rows`] gives can be used on any thread.
 #[derive(Clone, Copy, Debug)]
@@ -22,7 +22,7 @@ pub struct Rows {
     additional_columns: usize,
 }
 
-impl<'a> rows::Writer<'a, Rows> {
+impl<'a> row_writer::Writer<'a, Rows> {
     /// Writes all that comes before the rays. `preamble` is [`Preamble::new`]'s.
     ///
     /// # Errors
@@ -45,7 +45,7 @@ impl<'a> rows::Writer<'a, Rows> {
         }
         out.write_all(&to_utf32(&additional.text, header.text_bytes as usize))?;
         let rows = Rows { flags: header.flags, additional_columns: additional.columns.len() };
-        Ok(rows::Writer::announced(out, rows, header.ray_count))
+        Ok(row_writer::Writer::announced(out, rows, header.ray_count))
     }
 }
 
