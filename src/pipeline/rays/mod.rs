@@ -8,6 +8,8 @@ pub mod detect;
 pub mod tm25;
 /// Zemax / OpticStudio binary source files.
 pub mod zemax;
+/// Records of binary32 numbers, as most binary formats have them.
+mod floats;
 /// LightTools binary ray files.
 mod lighttools;
 /// Speos / OPTIS ray files.
