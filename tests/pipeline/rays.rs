@@ -495,11 +495,13 @@ fn zemax_files_sum_their_rays() {
 }
 
 #[test]
-fn formats_not_read_are_named() {
+fn what_is_not_read_is_named() {
     let cases = [
         ("mu_Cyl10k.1.ray", "detect.lighttools_text"),
         ("mu_ZemaxText.txt", "detect.text"),
-        ("mu_VirtualFocus.pdf", "detect.unknown"),
+        ("mu_VirtualFocus.pdf", "detect.document"),
+        ("mu_LEDWhite.txt", "detect.spectrum"),
+        ("mu_LERTDUW_S2WP_binBQ_white-blue_20110706_spectrum.txt", "detect.spectrum"),
     ];
     for (name, code) in cases {
         let Some(bytes) = real(name) else { return };

@@ -135,3 +135,81 @@ fn ray(record: &Words) -> RawRay {
         ..RawRay::default()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A file by `FORMATS.md` 5: five header records of `words` words, then rays, zeros after their seven numbers.
+    fn file(words: usize, rows: i32, rays: &[&[f32]]) -> Vec<u8> {
+        let size = 4 * words;
+        let mut bytes = vec![0; 5 * size];
+        bytes[..4].copy_from_slice(&(247 + 256 * size as i32).to_le_bytes());
+        bytes[size..size + 9].copy_from_slice(b"LED chip ");
+        bytes[2 * size + 12..2 * size + 16].copy_from_slice(b"FLUX");
+        bytes[3 * size + 24..3 * size + 28].copy_from_slice(&rows.to_le_bytes());
+        for ray in rays {
+            bytes.extend(ray.iter().flat_map(|value| value.to_le_bytes()));
+            bytes.resize(bytes.len().next_multiple_of(size).max(bytes.len()), 0);
+        }
+        bytes
+    }
+
+    const RAY: &[f32] = &[1.0, 2.0, 0.5, 0.6, 0.0, -0.8, 0.25];
+
+    fn opened(bytes: Vec<u8>) -> Result<(Facts, Vec<RawRay>), Error> {
+        let set = super::super::open(Arc::new(bytes), &Default::default(), &Limits::default())?;
+        let mut rays = Vec::new();
+        set.records.read(0, set.facts.ray_count as usize, &mut rays)?;
+        Ok((set.facts, rays))
+    }
+
+    #[test]
+    fn seven_words_are_read_and_more_with_a_notice() {
+        assert_eq!(file(7, -1, &[RAY]).len(), 140 + 28);
+        for words in [7, 8, 9, 16] {
+            let (facts, rays) = opened(file(words, -3, &[RAY; 3])).unwrap();
+            let expected = RawRay {
+                origin_mm: [1.0, 2.0, 0.5],
+                direction: [0.6_f32, 0.0, -0.8].map(f64::from),
+                radiant: 0.25,
+                ..RawRay::default()
+            };
+            assert_eq!(rays, [expected; 3]);
+            assert_eq!((facts.format, facts.length_unit, facts.quantity_unknown), (Format::Asap, None, true));
+            assert_eq!((facts.header_flux, facts.total_rule), (Flux::default(), TotalRule::RaySum));
+            assert_eq!((facts.texts[0].1.as_str(), facts.texts[1].1.as_str()), ("LED chip", "FLUX"));
+            assert_eq!(facts.notices.count_of("asap.wide_records"), u64::from(words > 7));
+        }
+    }
+
+    #[test]
+    fn what_is_no_set_of_rays_has_a_name() {
+        let still: &[f32] = &[1.0, 2.0, 0.5, 0.0, 0.0, 0.0, 0.25];
+        let cases = [
+            (file(7, 3, &[RAY; 3]), "asap.distribution"),
+            (file(7, i32::MAX, &[]), "asap.distribution"),
+            (file(7, -2, &[RAY; 3]), "asap.size"),
+            (file(7, i32::MIN, &[RAY; 3]), "asap.size"),
+            (file(9, -3, &[still; 3]), "asap.layout"),
+        ];
+        for (bytes, expected) in cases {
+            assert_eq!(opened(bytes).unwrap_err().code(), expected);
+        }
+        assert_eq!(words(7415), Some(7));
+        assert_eq!([7414, 247 + 1024 * 6, 247 + 1024 * 17, i32::MIN, i32::MAX].map(words), [None; 5]);
+        let limits = Limits { max_rays: 1, ..Limits::default() };
+        assert_eq!(open(Arc::new(file(7, -2, &[RAY; 2])), &limits).err().unwrap().code(), "rays.too_many");
+    }
+
+    #[test]
+    fn every_prefix_is_refused_and_the_first_bytes_tell_it() {
+        let whole = file(7, -3, &[RAY; 3]);
+        for length in 0..whole.len() {
+            assert!(opened(whole[..length].to_vec()).is_err(), "{length}");
+            let seen = super::super::inspect::peek(&whole[..length], Some(whole.len() as u64), &Limits::default());
+            assert!(seen.is_ok(), "{length}");
+        }
+        assert_eq!(peek(&whole, Some(10_000)).unwrap_err().code(), "asap.size");
+    }
+}

@@ -2,6 +2,7 @@
 
 use super::super::Error;
 use super::bytes::i32_in;
+use super::foreign::{self, EXPORT};
 use super::{Bytes, Format, asap, speos, zemax};
 
 /// Bytes looked at.
@@ -35,7 +36,7 @@ pub fn detect_start(start: &[u8], length: Option<u64>) -> Result<Option<Format>,
     if start.len() >= 4 && zemax::IDENTIFIERS.contains(&i32_in(start, 0)) {
         return Ok(Some(Format::ZemaxBinary));
     }
-    if let Some(error) = refused_by_magic(start) {
+    if let Some(error) = refused_by_magic(start).or_else(|| foreign::by_magic(start)) {
         return Err(error);
     }
     if start.len() >= 4 && asap::words(i32_in(start, 0)).is_some() {
@@ -45,14 +46,17 @@ pub fn detect_start(start: &[u8], length: Option<u64>) -> Result<Option<Format>,
     if !complete {
         return Ok(None);
     }
+    if let Some(error) = foreign::by_text(start, start.len() < LOOK) {
+        return Err(error);
+    }
     if !start.contains(&0) {
         return text(start).map(Some).map_err(|error| error.at_byte(0));
     }
-    if speos::is_speos(start, length) { Ok(Some(Format::Speos)) } else { Err(unknown()) }
+    if speos::is_speos(start, length) {
+        return Ok(Some(Format::Speos));
+    }
+    Err(foreign::closed(start).unwrap_or_else(unknown))
 }
-
-/// What to do instead, for most formats.
-const EXPORT: &str = "Use the same source's IES TM-25 or Zemax binary file; vendors offer both.";
 
 /// The answer for a format that is known and not read.
 pub fn not_read(code: &'static str, what: &str) -> Error {
@@ -126,7 +130,7 @@ mod tests {
             (&7415_i32.to_le_bytes(), "ASAP distribution"),
             (b"# made\nlt_rdf_version: 2.0\n", "LightTools text"),
             (b"9 4 0 0\n0 0 0 0 0 1 1\n", "text columns"),
-            (b"<html><body>Sign in</body></html>", "detect.not_rays"),
+            (b"<html><body>Sign in</body></html>", "detect.html"),
             (&speos, "Speos"),
         ];
         for (bytes, expected) in cases {

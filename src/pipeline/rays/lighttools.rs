@@ -263,3 +263,130 @@ fn near_field(flag: u32) -> Result<(), Error> {
         other => Err(wrong("lighttools.far_field", "far-field flag", other, "0 and 1", 16)),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A file by the table of `FORMATS.md` 3: header fields by offset, rays, trailer.
+    fn file(fields: &[(usize, u32)], rays: &[&[f32]]) -> Vec<u8> {
+        let mut bytes = vec![0; HEADER as usize];
+        let mut put = |at: usize, word: [u8; 4]| bytes[at..at + 4].copy_from_slice(&word);
+        put(0, *b"LTRF");
+        for (at, value) in [(4, 2), (24, 1)].iter().chain(fields) {
+            put(*at, value.to_le_bytes());
+        }
+        put(40, 5.0_f32.to_le_bytes());
+        bytes.extend(rays.iter().flat_map(|ray| ray.iter().flat_map(|value| value.to_le_bytes())));
+        bytes.extend(TRAILER);
+        bytes
+    }
+
+    const RAY: &[f32] = &[1.0, 2.0, 0.5, 0.6, 0.0, -0.8, 0.25];
+    const COLORED: &[f32] = &[1.0, 2.0, 0.5, 0.6, 0.0, -0.8, 0.25, 450.0];
+    const TRISTIMULUS: &[f32] = &[1.0, 2.0, 0.5, 0.6, 0.0, -0.8, 0.75, 0.25, 1.5];
+    const LUMENS: (usize, u32) = (12, 1);
+
+    fn opened(bytes: Vec<u8>) -> Result<(Facts, Vec<RawRay>), Error> {
+        let set = open(Arc::new(bytes), &Limits::default())?;
+        let mut rays = Vec::new();
+        set.records.read(0, set.facts.ray_count as usize, &mut rays)?;
+        Ok((set.facts, rays))
+    }
+
+    #[test]
+    fn data_types_and_colors() {
+        let base =
+            RawRay { origin_mm: [1.0, 2.0, 0.5], direction: [0.6_f32, 0.0, -0.8].map(f64::from), ..RawRay::default() };
+        let cases = [
+            (file(&[], &[RAY; 4]), RawRay { radiant: 0.25, ..base }, SpectralData::None),
+            (file(&[LUMENS], &[RAY; 4]), RawRay { luminous: 0.25, ..base }, SpectralData::None),
+            (
+                file(&[(20, 2)], &[COLORED; 4]),
+                RawRay { radiant: 0.25, wavelength_nm: 450.0, ..base },
+                SpectralData::Wavelength,
+            ),
+            (
+                file(&[LUMENS, (20, 1)], &[TRISTIMULUS; 4]),
+                RawRay { luminous: 0.25, xz: [0.75, 1.5], ..base },
+                SpectralData::Tristimulus,
+            ),
+        ];
+        for (bytes, ray, spectral) in cases {
+            let (facts, rays) = opened(bytes).unwrap();
+            assert_eq!((rays, &facts.spectral), (vec![ray; 4], &spectral));
+            let luminous = ray.luminous > 0.0;
+            assert_eq!((facts.has_radiant, facts.has_luminous), (!luminous, luminous));
+            let total = |known: bool| known.then_some(5.0);
+            assert_eq!(facts.header_flux, Flux { radiant_w: total(!luminous), luminous_lm: total(luminous) });
+            assert_eq!((facts.total_rule, facts.notices), (TotalRule::Header, Notices::default()));
+        }
+    }
+
+    #[test]
+    fn units_and_the_data_origin() {
+        let units = [None, Some(1.0), Some(10.0), Some(1000.0), Some(25.4), Some(304.8), Some(1e-3), Some(1e-6)];
+        for (unit, mm) in (0..).zip(units) {
+            let (facts, rays) = opened(file(&[(24, unit)], &[RAY])).unwrap();
+            assert_eq!(facts.length_unit.map(LengthUnit::mm), mm);
+            assert_eq!(rays[0].origin_mm, [1.0, 2.0, 0.5].map(|value| value * mm.unwrap_or(1.0)));
+        }
+        let (facts, rays) = opened(file(&[(32, 7.5_f32.to_bits())], &[RAY])).unwrap();
+        assert_eq!((facts.notices.count_of("lighttools.data_origin"), rays[0].origin_mm), (1, [1.0, 2.0, 0.5]));
+    }
+
+    #[test]
+    fn a_header_without_total_is_told() {
+        for total in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+            let mut bytes = file(&[], &[RAY]);
+            bytes[40..44].copy_from_slice(&total.to_le_bytes());
+            let (facts, _) = opened(bytes).unwrap();
+            assert_eq!((facts.header_flux, facts.notices.count_of("lighttools.no_total")), (Flux::default(), 1));
+        }
+    }
+
+    /// Header 44, rays 28 each; 7 bytes of trailer, whole, in part or missing.
+    #[test]
+    fn every_prefix_is_refused_or_read_with_a_notice() {
+        let whole = file(&[], &[RAY; 3]);
+        for length in 0..whole.len() {
+            let set = super::super::open(Arc::new(whole[..length].to_vec()), &Default::default(), &Limits::default());
+            let Ok(set) = set else {
+                assert!(length < 44, "{length}");
+                continue;
+            };
+            let (count, rest) = ((length as u64 - 44) / 28, (length - 44) % 28);
+            let expected = if rest == 0 || count == 3 { "lighttools.no_trailer" } else { "lighttools.cut" };
+            assert_eq!((set.facts.ray_count, set.facts.notices.count_of(expected)), (count, 1), "{length}");
+        }
+        assert_eq!(opened(whole).unwrap().0.notices, Notices::default());
+    }
+
+    #[test]
+    fn wrong_headers_have_names() {
+        let cases: [(&[(usize, u32)], &str); 10] = [
+            (&[(4, 3)], "lighttools.polarised"),
+            (&[(4, 1)], "lighttools.version"),
+            (&[(12, 2)], "lighttools.data_type"),
+            (&[(20, 1)], "lighttools.data_type"),
+            (&[(16, 1)], "lighttools.far_field"),
+            (&[(16, 2)], "lighttools.far_field"),
+            (&[(20, 3)], "lighttools.color_info"),
+            (&[(24, 8)], "lighttools.unit"),
+            (&[(24, u32::MAX)], "lighttools.unit"),
+            (&[(20, 2)], "lighttools.size"),
+        ];
+        for (fields, expected) in cases {
+            let bytes = file(fields, &[RAY, RAY, RAY]);
+            assert_eq!(opened(bytes.clone()).unwrap_err().code(), expected, "{fields:?}");
+            let told = peek(&bytes[..44].to_vec(), None);
+            assert_eq!(told.err().map(|error| error.code()), Some(expected).filter(|code| *code != "lighttools.size"));
+        }
+        // Seven rays of 32 bytes are eight of 28: without a trailer only the directions tell.
+        let mut colored = file(&[], &[COLORED; 7]);
+        colored.truncate(44 + 7 * 32);
+        assert_eq!(opened(colored).unwrap_err().code(), "lighttools.records");
+        let limits = Limits { max_rays: 1, ..Limits::default() };
+        assert_eq!(open(Arc::new(file(&[], &[RAY; 2])), &limits).err().unwrap().code(), "rays.too_many");
+    }
+}

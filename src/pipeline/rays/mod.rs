@@ -4,6 +4,8 @@
 pub mod bytes;
 /// Which format a file is, from content alone.
 pub mod detect;
+/// What is no ray file, or none with a public layout.
+mod foreign;
 /// IES TM-25 ray files.
 pub mod tm25;
 /// Zemax / OpticStudio binary source files.

@@ -77,7 +77,8 @@ fn ray_count(bytes: &dyn Bytes) -> Result<u64, Error> {
         return Ok(body / RAY);
     }
     for size in LARGER_RAYS.step_by(4) {
-        if holds(size)? {
+        // The second ray is the first to tell the size.
+        if body >= 2 * size && holds(size)? {
             let found =
                 format!("These are rays of {size} bytes, as Speos writes them with polarisation; that is not read.");
             let remedy = "Export the file without polarisation.";
@@ -133,5 +134,94 @@ fn ray(record: &Words) -> RawRay {
         wavelength_nm: float(record, 6),
         radiant: float(record, 7),
         ..RawRay::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A file by `FORMATS.md` 4: W, five constants, lm, then rays.
+    fn file(constant: f32, rays: &[&[f32]]) -> Vec<u8> {
+        let header = [4.0, constant, constant, constant, constant, constant, 450.0];
+        header.iter().chain(rays.iter().copied().flatten()).flat_map(|value| value.to_le_bytes()).collect()
+    }
+
+    const RAY: &[f32] = &[1.0, 2.0, 0.5, 0.6, 0.0, -0.8, 555.0, 0.25];
+    /// Ellipse axis o p q and two numbers more.
+    const POLARISED: &[f32] = &[1.0, 2.0, 0.5, 0.6, 0.0, -0.8, 555.0, 0.25, 1.0, 0.0, 0.0, 1.0, 0.0];
+
+    fn opened(bytes: Vec<u8>) -> Result<(Facts, Vec<RawRay>), Error> {
+        let set = super::super::open(Arc::new(bytes), &Default::default(), &Limits::default())?;
+        let mut rays = Vec::new();
+        set.records.read(0, set.facts.ray_count as usize, &mut rays)?;
+        Ok((set.facts, rays))
+    }
+
+    #[test]
+    fn totals_are_the_headers_and_energies_are_relative() {
+        let (facts, rays) = opened(file(2.0, &[RAY; 3])).unwrap();
+        assert_eq!(facts.header_flux, Flux { radiant_w: Some(4.0), luminous_lm: Some(450.0) });
+        assert_eq!((facts.format, facts.total_rule), (Format::Speos, TotalRule::Header));
+        assert_eq!((facts.length_unit, facts.notices), (Some(LengthUnit::Millimetre), Notices::default()));
+        let expected = RawRay {
+            origin_mm: [1.0, 2.0, 0.5],
+            direction: [0.6_f32, 0.0, -0.8].map(f64::from),
+            radiant: 0.25,
+            wavelength_nm: 555.0,
+            ..RawRay::default()
+        };
+        assert_eq!(rays, [expected; 3]);
+    }
+
+    /// Old files have 0 lm; a file without any total is told.
+    #[test]
+    fn totals_may_be_missing() {
+        for (watt, lumen, told) in [(4.0, 0.0, 0), (0.0, 450.0, 0), (0.0, 0.0, 1), (f32::NAN, -1.0, 1)] {
+            let mut bytes = file(2.0, &[RAY]);
+            bytes[..4].copy_from_slice(&f32::to_le_bytes(watt));
+            bytes[24..28].copy_from_slice(&f32::to_le_bytes(lumen));
+            let (facts, _) = opened(bytes).unwrap();
+            assert_eq!(facts.header_flux.radiant_w.is_some(), watt > 0.0);
+            assert_eq!(facts.header_flux.luminous_lm.is_some(), lumen > 0.0);
+            assert_eq!(facts.notices.count_of("speos.no_total"), told);
+        }
+    }
+
+    #[test]
+    fn other_constants_need_rays_that_prove_the_layout() {
+        let (facts, rays) = opened(file(3.0, &[RAY; 3])).unwrap();
+        assert_eq!((facts.notices.count_of("speos.header_constants"), rays.len()), (1, 3));
+        let off: [(usize, f32); 4] = [(5, 0.8001), (5, 0.9), (6, 50.0), (7, -1.0)];
+        for ((k, value), read) in off.into_iter().zip([true, false, false, false]) {
+            let mut ray = RAY.to_vec();
+            ray[k] = value;
+            assert_eq!(opened(file(3.0, &[RAY, &ray])).is_ok(), read, "{k} {value}");
+        }
+        assert_eq!(opened(file(3.0, &[])).unwrap_err().code(), "detect.unknown");
+    }
+
+    /// There is no count: a file cut between two rays is a shorter file. Any other cut is seen.
+    #[test]
+    fn every_prefix_is_refused_or_ends_between_rays() {
+        let whole = file(2.0, &[RAY; 4]);
+        for length in 0..whole.len() {
+            match opened(whole[..length].to_vec()) {
+                Ok((facts, _)) => assert_eq!(28 + 32 * facts.ray_count, length as u64),
+                Err(error) if length > 28 => assert_eq!(error.code(), "speos.size", "{length}"),
+                Err(error) => assert!(error.code().starts_with("detect."), "{length}: {error}"),
+            }
+            let _ =
+                super::super::inspect::peek(&whole[..length], Some(whole.len() as u64), &Limits::default()).unwrap();
+        }
+    }
+
+    #[test]
+    fn polarised_rays_are_refused_by_name() {
+        for count in [2, 8, 100] {
+            let bytes = file(2.0, &vec![POLARISED; count]);
+            assert_eq!(opened(bytes.clone()).unwrap_err().code(), "speos.polarised", "{count}");
+            assert!(peek(&bytes, Some(bytes.len() as u64)).is_err());
+        }
     }
 }

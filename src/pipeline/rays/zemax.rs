@@ -334,6 +334,32 @@ mod tests {
         assert_eq!(rays[0].wavelength_nm, 1000.0);
     }
 
+    /// Wavelengths of 100 and more in a column of µm are nm, in the records as in the header.
+    #[test]
+    fn wavelengths_in_nm_are_read_as_nm() {
+        let nm: &[f32] = &[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.5, 450.0];
+        let (facts, rays) = opened(file(4, 2, 0, &[nm; 3])).unwrap();
+        assert_eq!((facts.notices.count_of("zemax.wavelength_nm"), rays[2].wavelength_nm), (1, 450.0));
+        let (facts, rays) = opened(file(4, 2, 0, &[nm, COLORED])).unwrap();
+        assert_eq!((facts.notices, rays[0].wavelength_nm), (Notices::default(), 450_000.0));
+        let mut bytes = file(4, 0, 0, &[RAY]);
+        bytes[116..120].copy_from_slice(&450.0_f32.to_le_bytes());
+        let (facts, _) = opened(bytes).unwrap();
+        assert_eq!(facts.notices.count_of("zemax.wavelength_nm"), 1);
+        assert_eq!(facts.spectral.tables()[0].range_nm(), (450.0, 450.0));
+    }
+
+    /// The total of the header is the source's, or else that of the set.
+    #[test]
+    fn either_total_of_the_header_is_compared_with_the_rays() {
+        for (source, set, expected) in [(5.0, 1.0, Some(5.0)), (0.0, 1.0, Some(1.0)), (0.0, f32::NAN, None)] {
+            let mut bytes = file(4, 0, 0, &[RAY]);
+            bytes[108..112].copy_from_slice(&f32::to_le_bytes(source));
+            bytes[112..116].copy_from_slice(&f32::to_le_bytes(set));
+            assert_eq!(opened(bytes).unwrap().0.header_flux.radiant_w, expected);
+        }
+    }
+
     #[test]
     fn a_header_wavelength_is_that_of_all_rays_and_nan_is_none() {
         for (um, expected) in [(0.55_f32, 1), (f32::NAN, 0), (0.0, 0), (-1.0, 0), (50.0, 0), (3e4, 0)] {
