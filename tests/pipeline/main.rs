@@ -5,5 +5,6 @@
 mod bad_input;
 mod known_sources;
 mod rays;
+mod real_files;
 #[path = "../support/statistics.rs"]
 mod statistics;

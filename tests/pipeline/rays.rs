@@ -411,7 +411,9 @@ fn the_first_bytes_tell_as_much_as_they_can() {
     let mut wrong = bytes[..36_288].to_vec();
     wrong[60] = 7;
     assert_eq!(peek(&wrong, None, &limits).unwrap_err().code(), "tm25.spectral_identifier");
-    assert_eq!(peek(b"LTRF....", Some(9_000_000_000), &limits).unwrap_err().code(), "detect.lighttools");
+    assert_eq!(peek(b"LTRF....", Some(9_000_000_000), &limits).unwrap(), Some(Format::LightToolsBinary));
+    let third = [*b"LTRF", [3, 0, 0, 0]].concat().into_iter().chain([0; 40]).collect::<Vec<u8>>();
+    assert_eq!(peek(&third, None, &limits).unwrap_err().code(), "lighttools.polarised");
     assert_eq!(peek(&bytes[..36_288], None, &Limits { max_rays: 99, ..limits }).unwrap_err().code(), "rays.too_many");
     let told = header(&input(bytes), &limits).unwrap();
     assert_eq!((told.format, told.ray_count, told.flux.radiant_w), (Format::Tm25, 100, Some(1.0)));
@@ -493,13 +495,13 @@ fn zemax_files_sum_their_rays() {
 }
 
 #[test]
-fn formats_not_read_are_named() {
+fn what_is_not_read_is_named() {
     let cases = [
         ("mu_Cyl10k.1.ray", "detect.lighttools_text"),
-        ("mu_ThreeRays_Wavelength.1.ray", "detect.lighttools"),
-        ("speos_pyspeos_Rays.ray", "detect.speos"),
         ("mu_ZemaxText.txt", "detect.text"),
-        ("mu_VirtualFocus.pdf", "detect.unknown"),
+        ("mu_VirtualFocus.pdf", "detect.document"),
+        ("mu_LEDWhite.txt", "detect.spectrum"),
+        ("mu_LERTDUW_S2WP_binBQ_white-blue_20110706_spectrum.txt", "detect.spectrum"),
     ];
     for (name, code) in cases {
         let Some(bytes) = real(name) else { return };

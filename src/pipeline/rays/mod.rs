@@ -4,10 +4,14 @@
 pub mod bytes;
 /// Which format a file is, from content alone.
 pub mod detect;
+/// What is no ray file, or none with a public layout.
+mod foreign;
 /// IES TM-25 ray files.
 pub mod tm25;
 /// Zemax / OpticStudio binary source files.
 pub mod zemax;
+/// Records of binary32 numbers, as most binary formats have them.
+mod floats;
 /// LightTools binary ray files.
 mod lighttools;
 /// Speos / OPTIS ray files.
