@@ -1,7 +1,7 @@
 //! The command line: reads arguments and nothing else. `lampwright --help` is its documentation.
 
 use clap::{Parser, Subcommand};
-use lampwright::command::{Failure, build, health, inspect, openapi, sample, serve};
+use lampwright::command::{Failure, build, convert, health, inspect, openapi, sample, serve};
 use std::process::ExitCode;
 
 /// Turns a light source's ray file into a continuous source model: hull mesh with spectra, zonal goniograms, IES files.
@@ -24,6 +24,8 @@ enum Verb {
     Build(build::Arguments),
     /// Say what a ray file says of itself, and what its rays say.
     Inspect(inspect::Arguments),
+    /// Write a ray file as another: IES TM-25 or Zemax binary.
+    Convert(convert::Arguments),
     /// Write a known source as an IES TM-25 ray file.
     Sample(sample::Arguments),
     /// Print the OpenAPI contract of the service.
@@ -38,6 +40,7 @@ fn main() -> ExitCode {
         Verb::Serve(arguments) => serve::run(&arguments),
         Verb::Build(arguments) => build::run(&arguments),
         Verb::Inspect(arguments) => inspect::run(&arguments),
+        Verb::Convert(arguments) => convert::run(&arguments),
         Verb::Sample(arguments) => sample::run(&arguments),
         Verb::Openapi => openapi::run(),
         Verb::Health(arguments) => health::run(&arguments),

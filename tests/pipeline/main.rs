@@ -4,7 +4,9 @@
 
 mod bad_input;
 mod known_sources;
+mod prefixes;
 mod rays;
 mod real_files;
+mod writers;
 #[path = "../support/statistics.rs"]
 mod statistics;

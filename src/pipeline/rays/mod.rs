@@ -46,6 +46,12 @@ mod bands;
 pub mod source;
 /// What can be said of a file before a model is made of it.
 pub mod inspect;
+/// Rays as rows of bytes, written as a stream.
+pub mod row_writer;
+/// Writing Zemax binary source files.
+pub mod zemax_writer;
+/// One ray file as another.
+pub mod convert;
 /// Known sources with closed-form answers.
 pub mod synthetic;
 

@@ -18,11 +18,11 @@ use std::sync::Arc;
 /// First word of a file: current, and the older one of Radiant ProSource.
 pub const IDENTIFIERS: [i32; 2] = [1010, 8_675_309];
 /// Bytes of the header.
-const HEADER: u64 = 208;
+pub const HEADER: u64 = 208;
 /// Bytes of the header as 64-bit Linux programs write it that declare a field `long`: all after byte 140 is 4 bytes late.
 const HEADER_LONG: u64 = 212;
 /// Nanometres per micrometre.
-const NM_PER_UM: f64 = 1000.0;
+pub const NM_PER_UM: f64 = 1000.0;
 /// Wavelengths, µm, that a light source may have.
 const LIGHT_UM: RangeInclusive<f32> = 0.1..=20.0;
 /// The same range in nm. Numbers this large in a column of µm are nm: as µm they would be far infrared or radio.
