@@ -134,6 +134,11 @@ pub fn check(facts: &Facts, conversion: &Conversion, raw: &RawRay) -> Result<Che
     })
 }
 
+/// A direction as rays have it: of unit length but for a writer's rounding.
+pub fn is_unit(direction: [f64; 3]) -> bool {
+    (DVec3::from_array(direction).length() - 1.0).abs() <= LENGTH_TOLERANCE
+}
+
 /// Most of the first directions are unit vectors when records of `record_bytes` start at byte `start` with a position and a
 /// direction in f32. A file cut short can have the length of another layout by accident, but not its directions.
 ///
@@ -143,10 +148,7 @@ pub fn directions_hold(bytes: &dyn Bytes, start: u64, record_bytes: u64, ray_cou
     let looked = ray_count.min(PROOF_RAYS) as usize;
     let mut block = vec![0; looked * record_bytes as usize];
     bytes.read_at(start, &mut block)?;
-    let unit = |record: &&[u8]| {
-        let direction = DVec3::from_array([12, 16, 20].map(|at| f64::from(f32_in(record, at))));
-        (direction.length() - 1.0).abs() <= LENGTH_TOLERANCE
-    };
+    let unit = |record: &&[u8]| is_unit([12, 16, 20].map(|at| f64::from(f32_in(record, at))));
     let held = block.chunks_exact(record_bytes as usize).filter(unit).count();
     Ok(looked > 0 && 10 * held >= 9 * looked)
 }

@@ -2,7 +2,8 @@
 
 use super::super::Error;
 use super::bytes::{f32_in, i32_in};
-use super::{Bytes, Format, zemax};
+use super::lines::leading_numbers;
+use super::{Bytes, Format, columns, zemax, zemax_text};
 
 /// Bytes looked at.
 pub const LOOK: usize = 4096;
@@ -84,6 +85,7 @@ fn is_speos(start: &[u8], length: Option<u64>) -> bool {
     twos && length.is_none_or(|length| length >= 28 && (length - 28) % 32 == 0)
 }
 
+/// What text it is, in the order of `FORMATS.md` 0. The last line may be cut and is judged only where it is the first.
 fn text(start: &[u8]) -> Result<Format, Error> {
     let text = String::from_utf8_lossy(start).to_lowercase();
     if text.contains("lt_rdf_version") || text.contains("lt_startofdata") {
@@ -92,16 +94,19 @@ fn text(start: &[u8]) -> Result<Format, Error> {
     if text.contains("nbrrays requested") {
         return Ok(Format::ProSourceText);
     }
-    let printable = start.iter().all(|byte| !byte.is_ascii_control() || byte.is_ascii_whitespace());
-    let numbers = text.split_ascii_whitespace().take(8).all(|word| word.parse::<f64>().is_ok());
-    if printable && numbers && !text.trim().is_empty() {
+    let start = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start);
+    let lines =
+        || start.split(|byte| matches!(byte, b'\n' | b'\r')).map(<[u8]>::trim_ascii).filter(|line| !line.is_empty());
+    if !start.iter().all(|byte| !byte.is_ascii_control() || byte.is_ascii_whitespace()) {
+        return Err(unknown());
+    }
+    if lines().next().is_some_and(|first| zemax_text::starts(first, lines().nth(1))) {
+        return Ok(Format::ZemaxText);
+    }
+    if lines().any(|line| leading_numbers(line) >= columns::FEWEST) {
         return Ok(Format::Columns);
     }
-    if printable {
-        let found = "This is text, not a ray file.";
-        return Err(Error::malformed("detect.not_rays", found, EXPORT));
-    }
-    Err(unknown())
+    Err(Error::malformed("detect.not_rays", "This is text, not a ray file.", EXPORT))
 }
 
 fn unknown() -> Error {
@@ -134,12 +139,12 @@ mod tests {
             (b"version https://git-lfs.github.com/spec/v1\n", "detect.git_lfs"),
             (b"PK\x03\x04....", "detect.archive"),
             (b"\x1f\x8b\x08", "detect.archive"),
-            (b"LTRF\x02\0\0\0", "detect.lighttools"),
-            (&7415_i32.to_le_bytes(), "detect.asap"),
-            (b"# made\nlt_rdf_version: 2.0\n", "detect.lighttools_text"),
-            (b"9 4 0 0\n0 0 0 0 0 1 1\n", "detect.text"),
+            (b"LTRF\x02\0\0\0", "LightTools binary"),
+            (&7415_i32.to_le_bytes(), "ASAP distribution"),
+            (b"# made\nlt_rdf_version: 2.0\n", "LightTools text"),
+            (b"9 4 0 0\n0 0 0 0 0 1 1\n", "Zemax text"),
             (b"<html><body>Sign in</body></html>", "detect.not_rays"),
-            (&speos, "detect.speos"),
+            (&speos, "Speos"),
         ];
         for (bytes, expected) in cases {
             assert_eq!(code(bytes), expected, "{bytes:?}");
