@@ -5,5 +5,7 @@
 mod bad_input;
 mod known_sources;
 mod rays;
+mod real_text_files;
 #[path = "../support/statistics.rs"]
 mod statistics;
+mod text_files;

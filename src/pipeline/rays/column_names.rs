@@ -49,14 +49,14 @@ pub fn named(line: &str) -> Option<Named> {
     for name in names(line) {
         let meaning = Meaning::of(&name).map(|meaning| meaning.or_tristimulus(&named.slots));
         known += usize::from(meaning.is_some());
-        let ignored = Some(Slot { column: Column::Ignored, scale: 1.0 });
+        let ignored = Some(Slot::new(Column::Ignored, 1.0));
         named.slots.push(match meaning {
             Some(Meaning::Wavelength) => None,
             Some(Meaning::Column { column, scale, unit }) => {
                 if matches!(column, Column::X | Column::Y | Column::Z) {
                     named.units.push(unit);
                 }
-                Some(Slot { column, scale })
+                Some(Slot { column, scale: scale * Slot::new(column, 1.0).scale })
             }
             None => {
                 named.unknown.push(name);

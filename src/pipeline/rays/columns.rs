@@ -118,7 +118,7 @@ impl Head {
             return Err(Error::unusable("columns.count", OPTION, found, DECLARE));
         }
         for (k, slot) in slots.iter_mut().enumerate().filter(|(_, slot)| slot.is_none()) {
-            *slot = Some(Slot::of(&[wavelength_unit(&proof, k, notices)?], 1.0).swap_remove(0));
+            *slot = Some(Slot::new(wavelength_unit(&proof, k, notices)?, 1.0));
         }
         let slots: Vec<Slot> = slots.into_iter().flatten().collect();
         let columns: Vec<Column> = slots.iter().map(|slot| slot.column).collect();
@@ -227,4 +227,137 @@ fn judge_directions(columns: &[Column], proof: &[Vec<f64>]) -> Result<(), Error>
     let hint = better.map_or(String::new(), |[l, _, n]| format!(" Columns {} to {} are.", l + 1, n + 1));
     let found = format!("Columns {l}, {m} and {n} are no direction cosines: their squares do not sum to 1.{hint}");
     Err(Error::unusable("columns.directions", OPTION, found, DECLARE))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{RawRay, SpectralData};
+    use super::*;
+
+    fn with(text: &str, columns: Option<&[Column]>) -> Result<(Facts, RawRay), Error> {
+        let set = open(Arc::new(text.as_bytes().to_vec()), columns, &Limits::default())?;
+        let mut rays = Vec::new();
+        set.records.read(0, set.facts.ray_count as usize, &mut rays)?;
+        Ok((set.facts, rays[0]))
+    }
+
+    fn opened(text: &str) -> Result<(Facts, RawRay), Error> {
+        with(text, None)
+    }
+
+    /// The ray of every file below: at (1, 2, −0.5), along +z, 0.25.
+    const RAY: RawRay = RawRay {
+        origin_mm: [1.0, 2.0, -0.5],
+        direction: [0.0, 0.0, 1.0],
+        radiant: 0.25,
+        luminous: 0.0,
+        wavelength_nm: 0.0,
+        table: 0,
+        xz: [0.0; 2],
+    };
+
+    #[test]
+    fn bare_columns_say_neither_unit_nor_quantity() {
+        for text in [
+            "1 2 -0.5 0 0 1 0.25\n",
+            "1\t2\t-0.5\t0\t0\t1\t0.25\n",
+            "1, 2, -0.5, 0, 0, 1, 0.25\n",
+            "1;2;-0,5;0;0;1;0,25;\n",
+            "1\t2\t-0,5\t0\t0\t1\t0,25\n",
+            "// made by hand\n% and\n! so\n\n1 2 -0.5 0 0 1 0.25\n",
+            "\u{feff}1 2 -5.0D-01 0 0 1 0.25\n",
+        ] {
+            let (facts, ray) = opened(text).unwrap();
+            assert_eq!(ray, RAY, "{text}");
+            assert_eq!((facts.length_unit, facts.quantity_unknown), (None, true));
+            assert_eq!((facts.has_radiant, facts.has_luminous, facts.total_rule), (true, false, TotalRule::RaySum));
+            assert_eq!((facts.spectral, facts.notices), (SpectralData::None, Notices::default()));
+        }
+    }
+
+    #[test]
+    fn names_are_obeyed() {
+        let told = |text: &str| {
+            let (facts, ray) = opened(&format!("{text}\n")).unwrap();
+            assert_eq!(facts.notices, Notices::default(), "{text}");
+            (ray, facts.length_unit, facts.quantity_unknown)
+        };
+        let mm = Some(LengthUnit::Millimetre);
+        assert_eq!(told("x,y,z,kx,ky,kz,flux\n1,2,-0.5,0,0,1,0.25"), (RAY, None, true));
+        assert_eq!(told("Flux;L;M;N;X;Y;Z\n0,25;0;0;1;1;2;-0,5"), (RAY, None, true));
+        assert_eq!(told("# x y z dx dy dz power_W\n1 2 -0.5 0 0 1 0.25"), (RAY, None, false));
+        assert_eq!(told("x [mm] y [mm] z [mm] l m n watts\n1 2 -0.5 0 0 1 0.25"), (RAY, mm, false));
+        assert_eq!(
+            told("\"pos_x_mm\",\"pos_y_mm\",\"pos_z_mm\",dir_x,dir_y,dir_z,Power (mW)\n1,2,-0.5,0,0,1,250"),
+            (RAY, mm, false)
+        );
+        let metre = Some(LengthUnit::Metre);
+        assert_eq!(told("x_m\ty_m\tz_m\tl\tm\tn\tflux\n0.001\t0.002\t-0.0005\t0\t0\t1\t0.25"), (RAY, metre, true));
+        let lumens = RawRay { radiant: 0.0, luminous: 0.25, ..RAY };
+        assert_eq!(told("x,y,z,l,m,n,lumens\n1,2,-0.5,0,0,1,0.25"), (lumens, None, false));
+        let colored = RawRay { wavelength_nm: 450.0, ..RAY };
+        assert_eq!(told("x,y,z,l,m,n,W,wavelength [nm]\n1,2,-0.5,0,0,1,0.25,450"), (colored, None, false));
+        assert_eq!(told("x,y,z,l,m,n,W,lambda_um\n1,2,-0.5,0,0,1,0.25,0.45"), (colored, None, false));
+        let xyz = RawRay { xz: [7.0, 9.0], ..lumens };
+        assert_eq!(told("x,y,z,kx,ky,kz,X,Y,Z\n1,2,-0.5,0,0,1,7,0.25,9"), (xyz, None, false));
+        assert_eq!(
+            told("x,y,z,kx,ky,kz,tristimulus_x,tristimulus_y,tristimulus_z\n1,2,-0.5,0,0,1,7,0.25,9"),
+            (xyz, None, false)
+        );
+    }
+
+    #[test]
+    fn what_had_to_be_concluded_is_told() {
+        for (value, nm) in [("450", 450.0), ("0.45", 450.0)] {
+            for head in ["", "x y z l m n flux wavelength\n"] {
+                let (facts, ray) = opened(&format!("{head}1 2 -0.5 0 0 1 0.25 {value}\n")).unwrap();
+                assert_eq!((ray.wavelength_nm, facts.spectral), (nm, SpectralData::Wavelength));
+                assert_eq!(facts.notices.count_of("columns.wavelength_unit"), 1);
+            }
+        }
+        let (facts, ray) = opened("1 2 -0.5 0 0 1 7 8 9\n").unwrap();
+        assert_eq!((ray.luminous, ray.xz, facts.quantity_unknown), (8.0, [7.0, 9.0], false));
+        assert_eq!(facts.notices.count_of("columns.tristimulus"), 1);
+        let (facts, ray) = opened("id,x,y,z,l,m,n,W,note\n7,1,2,-0.5,0,0,1,0.25,good\n").unwrap();
+        assert_eq!((ray, facts.notices.count_of("columns.ignored")), (RAY, 1));
+    }
+
+    #[test]
+    fn what_is_declared_comes_first() {
+        use Column::{Ignored, L, LuminousFlux, M, N, WavelengthNm, X, Y, Z};
+        let columns = [Ignored, L, M, N, X, Y, Z, WavelengthNm, LuminousFlux];
+        let (facts, ray) = with("a,b,c\n1,0,0,1,1,2,-0.5,450,0.25\n", Some(&columns)).unwrap();
+        assert_eq!(ray, RawRay { radiant: 0.0, luminous: 0.25, wavelength_nm: 450.0, ..RAY });
+        assert!(facts.has_luminous && !facts.quantity_unknown);
+    }
+
+    #[test]
+    fn what_has_to_be_declared_is_asked_for() {
+        use Column::{Flux, L, LuminousFlux, M, N, WavelengthNm, WavelengthUm, X, Y, Z};
+        let cases: [(&str, Option<&[Column]>, &str, &str); 12] = [
+            ("0 0 1 1 2 3 5\n", None, "columns.directions", "Columns 1 to 3 are."),
+            ("1 2 3 0 0 1 0.5 30\n", None, "columns.wavelength", "Column 8"),
+            ("1 2 3 0 0 1 5 6 7 8\n", None, "columns.unnamed", "10 columns"),
+            ("x,y,z,l,m,n,foo\n1,2,3,0,0,1,5\n", None, "columns.missing", "flux"),
+            ("x,y,z,l,m,flux,foo\n1,2,3,0,0,1,5\n", None, "columns.missing", "n."),
+            ("x,y,z,l,m,n,flux,power\n1,2,3,0,0,1,5,6\n", None, "columns.twice", "flux"),
+            ("x,y,z,l,m,n\n1,2,3,0,0,1,5\n", None, "columns.count", "header names 6 columns"),
+            ("x_mm,y_cm,z_mm,l,m,n,flux\n1,2,3,0,0,1,5\n", None, "columns.units", "different"),
+            ("1 2 3 0 0 1 5\n", Some(&[X, Y, Z]), "columns.count", "declaration names 3"),
+            ("1 2 3 0 0 1 5\n", Some(&[X, Y, Z, L, M, N, N]), "columns.missing", "flux"),
+            ("1 2 3 0 0 1 5 6\n", Some(&[X, Y, Z, L, M, N, Flux, LuminousFlux]), "columns.twice", "a flux"),
+            (
+                "1 2 3 0 0 1 5 6 7\n",
+                Some(&[X, Y, Z, L, M, N, Flux, WavelengthNm, WavelengthUm]),
+                "columns.twice",
+                "a wavelength",
+            ),
+        ];
+        for (text, columns, code, word) in cases {
+            let Err(Error::Unusable(fault)) = with(text, columns) else { panic!("read {text}") };
+            assert_eq!(fault.code, code, "{text}");
+            assert!(fault.found.contains(word), "{}", fault.found);
+        }
+        assert_eq!(opened("1 2 3 0 0 1\n").unwrap_err().code(), "columns.no_rows");
+    }
 }

@@ -203,3 +203,112 @@ fn point(text: &str) -> Option<[f64; 3]> {
     let point = [numbers.next()??, numbers.next()??, numbers.next()??];
     numbers.next().is_none().then_some(point)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{RawRay, SpectralData};
+    use super::*;
+
+    fn opened(text: &str) -> Result<(Facts, Vec<RawRay>), Error> {
+        let set = open(Arc::new(text.as_bytes().to_vec()), &Limits::default())?;
+        let mut rays = Vec::new();
+        set.records.read(0, set.facts.ray_count as usize, &mut rays)?;
+        Ok((set.facts, rays))
+    }
+
+    const LINES: [&str; 9] = [
+        "# LightTools 8.7.0 ",
+        "lt_rdf_version: 2.0",
+        "dataname: untitledRayData",
+        "lt_datatype: radiant_power",
+        "lt_far_field_data: no",
+        "lt_color_info: none",
+        "lt_length_units: millimeters",
+        "lt_data_origin:          0          0          0",
+        "lt_radiant_flux: 3.5",
+    ];
+
+    /// The header with one key said differently, `""` to leave it out, and one row.
+    fn file(key: &str, line: &str, row: &str) -> String {
+        let lines = LINES.map(|given| if !key.is_empty() && given.starts_with(key) { line } else { given });
+        format!("{}\r\nlt_startofdata\r\n    {row}\r\nlt_endofdata", lines.join("\r\n"))
+    }
+
+    const ROW: &str = "1 -1.886318e-015 3 0 0 1 0.25";
+
+    #[test]
+    fn the_header_is_the_total_in_the_unit_of_the_datatype() {
+        let (facts, rays) = opened(&file("", "", ROW)).unwrap();
+        assert_eq!(rays[0].origin_mm, [1.0, -1.886318e-15, 3.0]);
+        assert_eq!((rays[0].radiant, rays[0].luminous), (0.25, 0.0));
+        assert_eq!(facts.header_flux, Flux { radiant_w: Some(3.5), luminous_lm: None });
+        assert_eq!((facts.total_rule, facts.spectral), (TotalRule::Header, SpectralData::None));
+        assert_eq!(facts.texts[2], ("dataname".to_owned(), "untitledRayData".to_owned()));
+        assert_eq!(facts.notices, Notices::default());
+        // `lt_radiant_flux` is the total of lumens too.
+        let (facts, rays) = opened(&file("lt_datatype", "LT_DATATYPE: Luminous_Flux", ROW)).unwrap();
+        assert_eq!((rays[0].radiant, rays[0].luminous), (0.0, 0.25));
+        assert_eq!(facts.header_flux, Flux { radiant_w: None, luminous_lm: Some(3.5) });
+        let (facts, _) = opened(&file("lt_datatype", "", ROW)).unwrap();
+        assert!(facts.quantity_unknown);
+    }
+
+    #[test]
+    fn keys_in_any_order_case_and_line_end() {
+        let mut lines = LINES.map(str::to_uppercase);
+        lines.reverse();
+        for end in ["\n", "\r\n", "\n\r", "\r"] {
+            let text = [&lines.join(end), "LT_STARTOFDATA", ROW, "LT_ENDOFDATA", ""].join(end);
+            let (facts, rays) = opened(&text).unwrap();
+            assert_eq!(
+                (rays.len(), facts.header_flux.radiant_w, facts.length_unit),
+                (1, Some(3.5), Some(LengthUnit::Millimetre))
+            );
+            assert_eq!(facts.notices, Notices::default());
+        }
+    }
+
+    #[test]
+    fn units_and_colors() {
+        for (word, mm) in
+            [("centimeters", 10.0), ("meters", 1000.0), ("inches", 25.4), ("feet", 304.8), ("microns", 1e-3)]
+        {
+            let (_, rays) = opened(&file("lt_length_units", &format!("lt_length_units: {word}"), ROW)).unwrap();
+            assert_eq!((rays[0].origin_mm[0], rays[0].origin_mm[2]), (mm, 3.0 * mm));
+        }
+        let (facts, _) = opened(&file("lt_length_units", "lt_length_units: system", ROW)).unwrap();
+        assert_eq!(facts.length_unit, None);
+        let (facts, rays) = opened(&file("lt_color", "lt_color_info: wavelength", "1 2 3 0 0 1 0.25 550")).unwrap();
+        assert_eq!((rays[0].wavelength_nm, facts.spectral), (550.0, SpectralData::Wavelength));
+        let (facts, rays) = opened(&file("lt_color", "lt_color_info: tristimulus", "1 2 3 0 0 1 7 8 9")).unwrap();
+        assert_eq!((rays[0].xz, rays[0].luminous, facts.spectral), ([7.0, 9.0], 8.0, SpectralData::Tristimulus));
+    }
+
+    #[test]
+    fn damage_is_told_or_refused() {
+        let told = [
+            (file("", "", ROW).replace("lt_endofdata", ""), "lighttools.no_end"),
+            (file("lt_radiant", "", ROW), "lighttools.no_total"),
+            (file("lt_radiant", "lt_radiant_flux: 0", ROW), "lighttools.no_total"),
+            (file("lt_data_origin", "lt_data_origin: 0 0 1.5", ROW), "lighttools.data_origin"),
+        ];
+        for (text, code) in told {
+            assert_eq!(opened(&text).unwrap().0.notices.count_of(code), 1, "{code}");
+        }
+        let refused = [
+            (file("lt_far", "lt_far_field_data: YES", ROW), "lighttools.far_field"),
+            (file("lt_datatype", "lt_datatype: photons", ROW), "lighttools.datatype"),
+            (file("lt_color", "lt_color_info: rgb", ROW), "lighttools.color_info"),
+            (file("lt_length", "lt_length_units: parsec", ROW), "lighttools.length_unit"),
+            (file("lt_data_origin", "lt_data_origin: 0 0", ROW), "lighttools.data_origin"),
+            (file("lt_radiant", "lt_radiant_flux: much", ROW), "lighttools.total"),
+            (file("lt_color", "lt_color_info: wavelength", ROW), "text.columns"),
+            (LINES.join("\n"), "lighttools.no_data"),
+        ];
+        for (text, code) in refused {
+            let error = opened(&text).unwrap_err();
+            let (Error::Malformed(fault) | Error::Refused(fault)) = &error else { panic!("{error}") };
+            assert!(fault.code == code && fault.at.is_some(), "{code}: {error}");
+        }
+    }
+}

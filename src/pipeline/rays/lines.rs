@@ -217,3 +217,97 @@ pub fn leading_numbers(line: &[u8]) -> usize {
     let separator = Separator::of(line);
     separator.fields(line).take_while(|(_, field)| separator.number(field).is_some()).count()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lines(text: &[u8]) -> Result<Vec<(u64, String, bool)>, Error> {
+        let bytes = text.to_vec();
+        let mut lines = Lines::of(&bytes);
+        let mut found = Vec::new();
+        while let Some(line) = lines.read_next()? {
+            found.push((line.at, line.to_text(), line.ended));
+        }
+        Ok(found)
+    }
+
+    #[test]
+    fn every_kind_of_line_end_and_a_byte_order_mark() {
+        for end in ["\n", "\r\n", "\n\r", "\r"] {
+            let text = ["a b ", "", "\t c", "d"].join(end);
+            let wide = end.len() as u64;
+            let expected = [(0, "a b", true), (4 + 2 * wide + 2, "c", true), (7 + 3 * wide, "d", false)];
+            assert_eq!(lines(text.as_bytes()).unwrap(), expected.map(|(at, text, ended)| (at, text.to_owned(), ended)));
+        }
+        assert_eq!(lines(b"\xef\xbb\xbf1\n").unwrap(), [(3, "1".to_owned(), true)]);
+        assert_eq!(lines(b"  \n \r\n\t").unwrap(), []);
+    }
+
+    #[test]
+    fn lines_cross_the_borders_of_blocks() {
+        for length in [1, 31, 32, 33, 63, 4095, 4096, 4097, 30_000, LONGEST_LINE] {
+            let text = format!("{}\nb\n", "a".repeat(length)).repeat(9);
+            let found = lines(text.as_bytes()).unwrap();
+            assert_eq!(found.len(), 18);
+            for (k, (at, text, ended)) in found.iter().enumerate() {
+                let expected = (k / 2 * (length + 3) + k % 2 * (length + 1)) as u64;
+                assert_eq!((*at, text.len(), *ended), (expected, if k % 2 == 0 { length } else { 1 }, true));
+            }
+        }
+    }
+
+    #[test]
+    fn a_line_too_long_is_refused_where_it_starts() {
+        for end in ["", "\n"] {
+            let text = format!("x\n{}{end}", "a".repeat(LONGEST_LINE + 1));
+            let Err(Error::Malformed(fault)) = lines(text.as_bytes()) else { panic!("read") };
+            assert_eq!((fault.code, fault.at), ("text.line_too_long", Some(super::super::super::Place::Byte(2))));
+        }
+    }
+
+    #[test]
+    fn numbers_as_programs_write_them() {
+        let cases = [
+            ("7.2e-016", 7.2e-16),
+            ("-1.5D-03", -1.5e-3),
+            ("1.5d2", 150.0),
+            ("0.123-103", 0.123e-103),
+            ("+1.", 1.0),
+            (".5", 0.5),
+            ("\"2.5\"", 2.5),
+            ("1E+002", 100.0),
+        ];
+        for (text, value) in cases {
+            assert_eq!(Separator::Blank.number(text.as_bytes()), Some(value), "{text}");
+        }
+        for text in ["1.#QNAN", "-1.#IND00", "-nan(ind)", "nan"] {
+            assert!(Separator::Blank.number(text.as_bytes()).unwrap().is_nan(), "{text}");
+        }
+        for text in ["", "-", "1,5", "1.2.3", "abc", "0x10", "1 2", "1e", "\u{b2}", &"1d".repeat(99)] {
+            assert_eq!(Separator::Blank.number(text.as_bytes()), None, "{text}");
+        }
+        assert_eq!(Separator::Semicolon.number(b"-0,25"), Some(-0.25));
+        assert_eq!(Separator::Tab.number(b"2,5E-3"), Some(0.0025));
+        assert_eq!(Separator::Comma.number(b"2,5"), None);
+    }
+
+    #[test]
+    fn fields_and_their_places() {
+        let cases: [(&str, Separator, &[(usize, &str)]); 6] = [
+            ("1 \t 2  3", Separator::Blank, &[(0, "1"), (4, "2"), (7, "3")]),
+            ("1\t2", Separator::Blank, &[(0, "1"), (2, "2")]),
+            ("1, 2 ,3,", Separator::Comma, &[(0, "1"), (3, "2"), (6, "3")]),
+            ("1,,3", Separator::Comma, &[(0, "1"), (2, ""), (3, "3")]),
+            ("1,5;2;", Separator::Semicolon, &[(0, "1,5"), (4, "2")]),
+            ("1,5\t\t2", Separator::Tab, &[(0, "1,5"), (4, ""), (5, "2")]),
+        ];
+        for (line, separator, expected) in cases {
+            assert_eq!(Separator::of(line.as_bytes()), separator, "{line}");
+            let found: Vec<_> = separator.fields(line.as_bytes()).collect();
+            let expected: Vec<_> = expected.iter().map(|(at, text)| (*at, text.as_bytes())).collect();
+            assert_eq!(found, expected, "{line}");
+        }
+        assert_eq!(leading_numbers(b"1;2,5;3;x;5"), 3);
+    }
+}

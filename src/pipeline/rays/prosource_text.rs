@@ -109,3 +109,59 @@ fn number_after<'a>(text: &'a str, key: &str) -> Option<&'a str> {
     let (_, rest) = text.split_once(key)?;
     rest.split([' ', '\t', ',', ':']).find(|word| !word.is_empty())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::RawRay;
+    use super::*;
+
+    /// The layout of `FORMATS.md` 6.
+    fn file(generated: &str, factor: &str) -> String {
+        format!(
+            "!! Source file: led.dat\n# NbrRays Requested: 9,  NbrRays Generated: {generated}\n\
+             Angular Range PolarBeg: 0.0, PolarEnd: 90.0, AzimuthBeg: 0.0, AzimuthEnd: 360.0\nRotation AboutX 0.0 AboutY 0.0\n\
+             Translation X 0.0 Y 0.0 Z 0.0\nScale X 1.0 Y 1.0 Z 1.0\n{factor}\
+             X Pos    Y Pos    Z Pos    X Vec    Y Vec    Z Vec    Inc Flux\n\
+             1.000000E+000 2.000000E+000 5.000000E-001 0.000000E+000 0.000000E+000 1.000000E+000 2.500000E-001\n"
+        )
+    }
+
+    fn opened(text: &str) -> Result<(Facts, Vec<RawRay>), Error> {
+        let set = open(Arc::new(text.as_bytes().to_vec()), &Limits::default())?;
+        let mut rays = Vec::new();
+        set.records.read(0, set.facts.ray_count as usize, &mut rays)?;
+        Ok((set.facts, rays))
+    }
+
+    #[test]
+    fn the_factor_is_the_unit_and_the_flux_is_not_said() {
+        for (factor, mm, unit) in [
+            ("1.000000E+000", 1000.0, LengthUnit::Metre),
+            ("1000.0", 1.0, LengthUnit::Millimetre),
+            ("39.37008", 25.4, LengthUnit::Inch),
+        ] {
+            let (facts, rays) = opened(&file("1", &format!("Conversion Factor From Meters {factor}\n"))).unwrap();
+            assert_eq!(facts.length_unit, Some(unit));
+            assert_eq!(rays[0].origin_mm, [mm, 2.0 * mm, 0.5 * mm]);
+            assert_eq!((rays[0].direction, rays[0].radiant), ([0.0, 0.0, 1.0], 0.25));
+            assert!(facts.quantity_unknown && facts.total_rule == TotalRule::RaySum);
+            assert_eq!(facts.notices, Notices::default());
+            assert_eq!(facts.texts.len(), 8);
+        }
+        assert_eq!(opened(&file("1", "")).unwrap().0.length_unit, None);
+    }
+
+    #[test]
+    fn counts_and_factors_that_cannot_be() {
+        let cases = [
+            (file("2", ""), "text.row_count"),
+            (file("1", "Conversion Factor From Meters 7.0\n"), "prosource.unit"),
+            (file("1", "Conversion Factor From Meters none\n"), "prosource.unit"),
+            ("# NbrRays Requested: 1\n".to_owned(), "prosource.no_data"),
+        ];
+        for (text, code) in cases {
+            assert_eq!(opened(&text).unwrap_err().code(), code);
+        }
+        assert_eq!(opened(&file("0", "")).unwrap().0.notices.count_of("text.more_rows"), 1);
+    }
+}

@@ -20,14 +20,19 @@ pub struct Slot {
 }
 
 impl Slot {
-    /// Slots of these columns with positions in units of `mm` millimetres.
-    pub fn of(columns: &[Column], mm: f64) -> Vec<Slot> {
-        let scale = |column: &Column| match column {
+    /// A column with positions in units of `mm` millimetres.
+    pub fn new(column: Column, mm: f64) -> Slot {
+        let scale = match column {
             Column::X | Column::Y | Column::Z => mm,
             Column::WavelengthUm => NM_PER_UM,
             _ => 1.0,
         };
-        columns.iter().map(|column| Slot { column: *column, scale: scale(column) }).collect()
+        Slot { column, scale }
+    }
+
+    /// Slots of these columns.
+    pub fn of(columns: &[Column], mm: f64) -> Vec<Slot> {
+        columns.iter().map(|column| Slot::new(*column, mm)).collect()
     }
 }
 
@@ -245,5 +250,80 @@ fn put(ray: &mut RawRay, column: Column, value: f64) {
         Column::TristimulusX => ray.xz[0] = value,
         Column::TristimulusZ => ray.xz[1] = value,
         Column::Ignored => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::Place;
+    use super::*;
+
+    fn rows(text: &str, notices: &mut Notices) -> Result<Rows, Error> {
+        let slots = Slot::of(&ray_columns(&[Column::LuminousFlux, Column::WavelengthUm]), 10.0);
+        let grammar = Grammar { separator: Separator::Blank, slots, end: Some("stop") };
+        Rows::index(Arc::new(text.as_bytes().to_vec()), 0, grammar, &Limits::default(), notices)
+    }
+
+    const GOOD: &str = "1 2 3 0 0 1 5 0.5\n";
+
+    #[test]
+    fn columns_go_where_they_belong() {
+        let mut rays = Vec::new();
+        let found = rows(&format!("{GOOD}# 7\nSTOP\n9 9"), &mut Notices::default()).unwrap();
+        found.read(0, 1, &mut rays).unwrap();
+        assert!(found.has_end() && found.count() == 1);
+        let expected = RawRay {
+            origin_mm: [10.0, 20.0, 30.0],
+            direction: [0.0, 0.0, 1.0],
+            luminous: 5.0,
+            wavelength_nm: 500.0,
+            ..RawRay::default()
+        };
+        assert_eq!(rays, [expected]);
+    }
+
+    #[test]
+    fn a_bad_row_names_its_byte_and_its_number() {
+        let cases = [
+            ("1 2 3 0 0 1 5\n", "text.columns", 18, "Row 2 has 7 columns, not 8."),
+            ("1 2 3 0 0 1 5 0.5 7 7\n", "text.columns", 18, "Row 2 has 10 columns, not 8."),
+            ("1 2 3 0 zero 1 5 0.5\n", "text.not_a_number", 26, "Row 2 has \"zero\" where a number belongs."),
+            ("total: 1\n", "text.not_a_number", 18, "Row 2 has \"total:\" where a number belongs."),
+        ];
+        for (bad, code, byte, found) in cases {
+            let rows = rows(&[GOOD, bad, GOOD].concat(), &mut Notices::default()).unwrap();
+            let mut rays = Vec::new();
+            let Err(Error::Malformed(fault)) = rows.read(0, 3, &mut rays) else { panic!("read {bad}") };
+            assert_eq!((fault.code, fault.at, fault.found.as_str()), (code, Some(Place::Byte(byte)), found));
+            // Rows beyond the bad one can be had.
+            rows.read(2, 1, &mut Vec::new()).unwrap();
+        }
+    }
+
+    #[test]
+    fn the_tail_of_a_cut_file_is_told() {
+        for (tail, code, count) in [
+            ("1 2 3 0 0", "text.last_row_cut", 1),
+            ("1 2 3 0 0 1 5 0.5e", "text.last_row_cut", 1),
+            ("1 2 3 0 0 1 5 0.5", "text.unterminated", 2),
+        ] {
+            let mut notices = Notices::default();
+            let rows = rows(&[GOOD, tail].concat(), &mut notices).unwrap();
+            assert_eq!((rows.count(), notices.count_of(code), notices.iter().count()), (count, 1, 1), "{tail}");
+        }
+    }
+
+    #[test]
+    fn an_announced_count_is_a_promise() {
+        let mut notices = Notices::default();
+        let mut found = rows(&GOOD.repeat(3), &mut notices).unwrap();
+        assert_eq!(found.hold_to(4, &mut notices).unwrap_err().code(), "text.row_count");
+        found.hold_to(3, &mut notices).unwrap();
+        assert_eq!(notices, Notices::default());
+        found.hold_to(2, &mut notices).unwrap();
+        assert_eq!((found.count(), notices.count_of("text.more_rows")), (2, 1));
+        let mut rays = Vec::new();
+        found.read(0, 2, &mut rays).unwrap();
+        assert_eq!(rays.len(), 2);
     }
 }

@@ -133,3 +133,78 @@ impl Header {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{RawRay, SpectralData};
+    use super::*;
+
+    fn opened(text: &str) -> Result<(Facts, Vec<RawRay>), Error> {
+        let set = open(Arc::new(text.as_bytes().to_vec()), &Limits::default())?;
+        let mut rays = Vec::new();
+        set.records.read(0, set.facts.ray_count as usize, &mut rays)?;
+        Ok((set.facts, rays))
+    }
+
+    const ROW: &str = "1 2 0.5 0 0 1 0.25\n";
+    const COLORED: &str = "1 2 0.5 0 0 1 0.25 0.45\n";
+
+    #[test]
+    fn headers_of_every_width() {
+        // Header, row, lm, spectral, quantity unknown.
+        let cases = [
+            ("1 4\n", ROW, false, false, true),
+            ("1 4\n", COLORED, false, true, false),
+            ("1 4 0 0\n", ROW, false, false, false),
+            ("1 4 0 1\n", ROW, true, false, false),
+            ("1 4 2 0\n", COLORED, false, true, false),
+            ("1.000000\t4.000000\t0.000000\t0.000000\t0.000000\t0.000000\t0.000000\n", ROW, false, false, false),
+            ("1.0 4.0 0.0 0.0 0.0 0.0 0.0 0.0\n", COLORED, false, true, false),
+            ("1 4 2 0 0 0 0 0\n", COLORED, false, true, false),
+            ("1 4 0 1 0 0 0\n", ROW, true, false, false),
+        ];
+        for (header, row, luminous, colored, unknown) in cases {
+            assert!(starts(header.as_bytes(), Some(row.as_bytes())), "{header}");
+            let (facts, rays) = opened(&[header, row].concat()).unwrap();
+            assert_eq!((facts.has_luminous, facts.has_radiant), (luminous, !luminous), "{header}");
+            assert_eq!(facts.quantity_unknown, unknown, "{header}");
+            assert_eq!(facts.spectral, if colored { SpectralData::Wavelength } else { SpectralData::None });
+            assert_eq!(facts.total_rule, TotalRule::RaySum);
+            assert_eq!([rays[0].luminous, rays[0].radiant], if luminous { [0.25, 0.0] } else { [0.0, 0.25] });
+            assert_eq!(rays[0].wavelength_nm, if colored { 450.0 } else { 0.0 });
+            assert_eq!(facts.notices, Notices::default());
+        }
+    }
+
+    #[test]
+    fn units() {
+        for (unit, mm) in [(0, 1000.0), (1, 25.4), (2, 10.0), (3, 304.8), (4, 1.0)] {
+            let (_, rays) = opened(&format!("1 {unit} 0 0\n{ROW}")).unwrap();
+            assert_eq!(rays[0].origin_mm, [mm, 2.0 * mm, 0.5 * mm]);
+        }
+    }
+
+    #[test]
+    fn wrong_headers_and_rows() {
+        let cases = [
+            ("1 5 0 0\n", ROW, "zemax.unit"),
+            ("1 4 1 0\n", ROW, "zemax.ray_format"),
+            ("1 4 0 2\n", ROW, "zemax.flux_type"),
+            ("-1 4 0 0\n", ROW, "zemax_text.header"),
+            ("2 4 0 0\n", ROW, "text.row_count"),
+            ("1 4 2 0\n", ROW, "text.columns"),
+            ("1 4 0 0\n", COLORED, "text.columns"),
+        ];
+        for (header, row, code) in cases {
+            assert_eq!(opened(&[header, row].concat()).unwrap_err().code(), code, "{header}");
+        }
+    }
+
+    #[test]
+    fn a_ray_is_no_header() {
+        for line in ["1 2 0 0 0 1 1", "1 2 0 0 0 0 1", "1 2 0.5 0 0 1 0.25", "x y", "1", "1 2 3", "0 4 0 0 0 0 0"] {
+            assert!(!starts(line.as_bytes(), Some(ROW.as_bytes())), "{line}");
+        }
+        assert!(!starts(b"380 0", Some(b"390 0.1")));
+    }
+}
