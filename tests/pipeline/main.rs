@@ -7,6 +7,8 @@ mod known_sources;
 mod prefixes;
 mod rays;
 mod real_files;
-mod writers;
+mod real_text_files;
 #[path = "../support/statistics.rs"]
 mod statistics;
+mod text_files;
+mod writers;

@@ -147,10 +147,14 @@ pub fn count(ray_count: u64, limits: &Limits) -> Result<(), Error> {
     Err(Error::refused("rays.too_many", found, "Thin the file out, or raise the limit."))
 }
 
+/// A direction as rays have it: of unit length but for a writer's rounding.
+pub fn is_unit(direction: [f64; 3]) -> bool {
+    (DVec3::from_array(direction).length() - 1.0).abs() <= LENGTH_TOLERANCE
+}
+
 /// The three f32 from byte `at` of a record are a direction.
-pub fn is_unit(record: &[u8], at: usize) -> bool {
-    let direction = DVec3::from_array([0, 4, 8].map(|k| f64::from(f32_in(record, at + k))));
-    (direction.length() - 1.0).abs() <= LENGTH_TOLERANCE
+pub fn is_unit_at(record: &[u8], at: usize) -> bool {
+    is_unit([0, 4, 8].map(|k| f64::from(f32_in(record, at + k))))
 }
 
 /// Most of the first directions are unit vectors when records of `record_bytes` start at byte `start` with a position and a
@@ -162,6 +166,6 @@ pub fn directions_hold(bytes: &dyn Bytes, start: u64, record_bytes: u64, ray_cou
     let looked = ray_count.min(PROOF_RAYS) as usize;
     let mut block = vec![0; looked * record_bytes as usize];
     bytes.read_at(start, &mut block)?;
-    let held = block.chunks_exact(record_bytes as usize).filter(|record| is_unit(record, 12)).count();
+    let held = block.chunks_exact(record_bytes as usize).filter(|record| is_unit_at(record, 12)).count();
     Ok(looked > 0 && 10 * held >= 9 * looked)
 }

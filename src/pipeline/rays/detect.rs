@@ -3,7 +3,8 @@
 use super::super::Error;
 use super::bytes::i32_in;
 use super::foreign::{self, EXPORT};
-use super::{Bytes, Format, asap, speos, zemax};
+use super::lines::leading_numbers;
+use super::{Bytes, Format, asap, columns, speos, zemax, zemax_text};
 
 /// Bytes looked at.
 pub const LOOK: usize = 4096;
@@ -76,6 +77,7 @@ fn refused_by_magic(start: &[u8]) -> Option<Error> {
     Some(error.at_byte(0))
 }
 
+/// What text it is, in the order of `FORMATS.md` 0. The last line may be cut and is judged only where it is the first.
 fn text(start: &[u8]) -> Result<Format, Error> {
     let text = String::from_utf8_lossy(start).to_lowercase();
     if text.contains("lt_rdf_version") || text.contains("lt_startofdata") {
@@ -84,16 +86,19 @@ fn text(start: &[u8]) -> Result<Format, Error> {
     if text.contains("nbrrays requested") {
         return Ok(Format::ProSourceText);
     }
-    let printable = start.iter().all(|byte| !byte.is_ascii_control() || byte.is_ascii_whitespace());
-    let numbers = text.split_ascii_whitespace().take(8).all(|word| word.parse::<f64>().is_ok());
-    if printable && numbers && !text.trim().is_empty() {
+    let start = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start);
+    let lines =
+        || start.split(|byte| matches!(byte, b'\n' | b'\r')).map(<[u8]>::trim_ascii).filter(|line| !line.is_empty());
+    if !start.iter().all(|byte| !byte.is_ascii_control() || byte.is_ascii_whitespace()) {
+        return Err(unknown());
+    }
+    if lines().next().is_some_and(|first| zemax_text::starts(first, lines().nth(1))) {
+        return Ok(Format::ZemaxText);
+    }
+    if lines().any(|line| leading_numbers(line) >= columns::FEWEST) {
         return Ok(Format::Columns);
     }
-    if printable {
-        let found = "This is text, not a ray file.";
-        return Err(Error::malformed("detect.not_rays", found, EXPORT));
-    }
-    Err(unknown())
+    Err(Error::malformed("detect.not_rays", "This is text, not a ray file.", EXPORT))
 }
 
 fn unknown() -> Error {
@@ -129,7 +134,7 @@ mod tests {
             (b"LTRF\x02\0\0\0", "LightTools binary"),
             (&7415_i32.to_le_bytes(), "ASAP distribution"),
             (b"# made\nlt_rdf_version: 2.0\n", "LightTools text"),
-            (b"9 4 0 0\n0 0 0 0 0 1 1\n", "text columns"),
+            (b"9 4 0 0\n0 0 0 0 0 1 1\n", "Zemax text"),
             (b"<html><body>Sign in</body></html>", "detect.html"),
             (&speos, "Speos"),
         ];

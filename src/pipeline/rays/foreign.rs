@@ -242,7 +242,7 @@ fn rays_somewhere(start: &[u8]) -> Option<(usize, usize)> {
     let holds = |at: usize, size: usize| {
         let records = start.get(at..).unwrap_or_default().chunks_exact(size);
         let ray = |record: &[u8]| {
-            (0..7).all(|k| f32::from_le_bytes(word_in(record, 4 * k)).is_finite()) && check::is_unit(record, 12)
+            (0..7).all(|k| f32::from_le_bytes(word_in(record, 4 * k)).is_finite()) && check::is_unit_at(record, 12)
         };
         records.len() >= 3 && records.clone().all(ray)
     };

@@ -20,6 +20,8 @@ mod speos;
 mod asap;
 /// Text: lines at random access, shared by every text format.
 mod lines;
+/// Rows of numbers at random access, shared by every text format.
+mod rows;
 /// LightTools text ray files.
 mod lighttools_text;
 /// Zemax text ray files.
@@ -28,6 +30,8 @@ mod zemax_text;
 mod prosource_text;
 /// Rays in columns of numbers, named or not: CSV and the like.
 mod columns;
+/// What people call the columns of a ray.
+mod column_names;
 /// What a user says of a file, before the file's own word.
 pub mod declared;
 /// What a ray must satisfy.

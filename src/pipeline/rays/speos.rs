@@ -61,7 +61,7 @@ fn has_rays(start: &[u8], length: Option<u64>) -> bool {
     let mut rays = start.get(HEADER as usize..).unwrap_or_default().chunks_exact(RAY as usize).peekable();
     let fits = |ray: &[u8]| {
         let energy = f32_in(ray, 28);
-        check::is_unit(ray, 12) && LIGHT_NM.contains(&f32_in(ray, 24)) && energy.is_finite() && energy >= 0.0
+        check::is_unit_at(ray, 12) && LIGHT_NM.contains(&f32_in(ray, 24)) && energy.is_finite() && energy >= 0.0
     };
     whole && totals.iter().all(|total| total.is_finite() && *total >= 0.0) && rays.peek().is_some() && rays.all(fits)
 }

@@ -62,6 +62,24 @@ pub fn peek(bytes: &dyn Bytes, length: Option<u64>) -> Result<(), Error> {
     }
 }
 
+/// The length unit of a code; text files have the same.
+///
+/// # Errors
+/// `zemax.unit`.
+pub fn length_unit(code: i32) -> Result<LengthUnit, Error> {
+    match code {
+        0 => Ok(LengthUnit::Metre),
+        1 => Ok(LengthUnit::Inch),
+        2 => Ok(LengthUnit::Centimetre),
+        3 => Ok(LengthUnit::Foot),
+        4 => Ok(LengthUnit::Millimetre),
+        _ => {
+            let found = format!("The length unit is {code}; only 0 to 4 (m, in, cm, ft, mm) exist.");
+            Err(Error::malformed("zemax.unit", found, "Export the file again."))
+        }
+    }
+}
+
 /// The header, not yet believed.
 struct Header {
     block: Vec<u8>,
@@ -142,17 +160,7 @@ impl Header {
 
     fn layout_at(&self, start: u64, spectral: bool, format_at: usize) -> Result<Layout, Error> {
         let (unit, flux_type) = (i32_in(&self.block, 136), i32_in(&self.block, format_at + 4));
-        let unit = match unit {
-            0 => LengthUnit::Metre,
-            1 => LengthUnit::Inch,
-            2 => LengthUnit::Centimetre,
-            3 => LengthUnit::Foot,
-            4 => LengthUnit::Millimetre,
-            _ => {
-                let found = format!("The length unit is {unit}; only 0 to 4 (m, in, cm, ft, mm) exist.");
-                return Err(Error::malformed("zemax.unit", found, "Export the file again.").at_byte(136));
-            }
-        };
+        let unit = length_unit(unit).map_err(|error| error.at_byte(136))?;
         if !(spectral || matches!(flux_type, 0 | 1)) {
             let found = format!("The flux type is {flux_type}; only 0 (W) and 1 (lm) exist.");
             let remedy = "Export the file again with a flux unit.";
