@@ -46,7 +46,7 @@ fn origins(inspection: &Inspection, name: &str) -> Artifact {
         if all { "all" } else { "sampled" },
         if inspection.focus.is_some() { "   ·   cross: virtual focus" } else { "" }
     );
-    let mut svg = Svg::sheet(980.0, 420.0, &one_line(name, 80), &subtitle);
+    let mut svg = Svg::sheet(980.0, 420.0, &one_line(name, 84), &subtitle);
     for (left, seen) in LEFT.into_iter().zip(SEEN) {
         window.projection(&mut svg, inspection, left, seen);
     }
@@ -158,7 +158,7 @@ fn shades(svg: &mut Svg, left: f64, density: &[f64]) {
     ));
     for (shade, path) in paths.iter().enumerate().filter(|(_, path)| !path.is_empty()) {
         let color = hex(viridis((shade as f64 + 0.5) / SHADES as f64));
-        svg.put(format_args!("<path d=\"{path}\" stroke=\"{color}\"/>\n"));
+        svg.put(format_args!("<path d=\"{path}\" stroke=\"{color}\" fill=\"none\"/>\n"));
     }
     svg.put(format_args!("</g>\n"));
 }
@@ -190,7 +190,7 @@ fn far_field(inspection: &Inspection, name: &str) -> Artifact {
         text(peak, 3),
         inspection.rays_used
     );
-    let mut svg = Svg::sheet(640.0, 690.0, &one_line(name, 64), &subtitle);
+    let mut svg = Svg::sheet(640.0, 690.0, &one_line(name, 54), &subtitle);
     let step = nice_step(peak, 4.0);
     let rings = (peak / step).ceil().max(1.0);
     polar::axes(&mut svg, step, rings, unit);

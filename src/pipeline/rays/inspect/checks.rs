@@ -327,7 +327,7 @@ fn origins(found: &Inspection) -> Check {
 }
 
 fn told(origins: &Origins) -> String {
-    let about = if origins.exact { "" } else { "about " };
+    let about = if origins.exact { "" } else { "About " };
     let mut told = match origins.shape {
         "point" => "All rays start in one point.".to_owned(),
         "spread" => "Origins lie neither on a plane nor on a sphere nor on the faces of a box.".to_owned(),
@@ -352,7 +352,7 @@ fn backward(found: &Inspection) -> Check {
     let Some(main) = &found.main_direction else { return ok(NAME, "There is no light.") };
     let (axis, share) = (main.axis.name(), main.backward_share);
     if main.mean_cosine < DIRECTED {
-        return ok(NAME, format!("The source has no one direction; {:.2} % go against {axis}.", 100.0 * share));
+        return ok(NAME, "The source shines into all directions or several: none of them is backward.");
     }
     let told = format!("The source shines along {axis}; {:.3} % of the flux go backward.", 100.0 * share);
     if share > BACKWARD {

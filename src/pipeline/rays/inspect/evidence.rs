@@ -68,8 +68,15 @@ impl Witness for Evidence {
         self.focus.add(relative, direction, weight);
         self.order.add(index, relative, direction, weight, raw.wavelength_nm);
         self.meridians.add(direction, weight);
-        self.weights = (self.weights.0.min(weight), self.weights.1.max(weight));
-        self.worst_length_error = self.worst_length_error.max(checked.length_error);
+        if weight < self.weights.0 {
+            self.weights.0 = weight;
+        }
+        if weight > self.weights.1 {
+            self.weights.1 = weight;
+        }
+        if checked.length_error > self.worst_length_error {
+            self.worst_length_error = checked.length_error;
+        }
         if hash(index) <= self.keep_up_to && self.sample.len() < SAMPLE_LIMIT {
             self.sample.push(Sampled { origin_mm, direction, weight });
         }
