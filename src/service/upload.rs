@@ -2,10 +2,11 @@
 //! is not yet a stored part is at most one part.
 
 use super::jobs::worker::hex;
+use super::storage::inspections::{Drawing, Inspection};
 use super::storage::parts::{Part, Parts};
 use super::storage::ray_sets::{self, RaySet};
 use super::storage::{self, Storage, new_id, ray_set_folder};
-use crate::pipeline::{self, Declared, Input, Limits};
+use crate::pipeline::{self, Artifact, Declared, Input, Limits, Stage, Watch};
 use bytes::{Bytes, BytesMut};
 use futures::{Stream, StreamExt};
 use sha2::{Digest, Sha256};
@@ -16,6 +17,7 @@ use std::time::Duration;
 use tokio::runtime::Handle;
 use tokio::task::spawn_blocking;
 use tokio::time::timeout;
+use tokio_util::sync::CancellationToken;
 
 /// Length of every part but the last, bytes.
 pub const PART_BYTES: usize = 8 << 20;
@@ -62,6 +64,16 @@ pub struct Announcement {
     pub byte_count: Option<u64>,
     /// Its SHA-256, hex, as often as it was said.
     pub sha256: Vec<String>,
+    /// Cancelled when the sender no longer waits for the answer: its rays need not be read to their end.
+    pub gone: CancellationToken,
+}
+
+/// What a whole file turned out to be.
+struct Described {
+    /// What it says of itself, as JSON.
+    header: String,
+    /// What its rays say.
+    inspection: Inspection,
 }
 
 /// Takes files in. Cheap to clone.
@@ -88,7 +100,7 @@ impl Intake {
         body: impl Stream<Item = Result<Bytes, E>>,
     ) -> Result<RaySet, Error> {
         let id = new_id();
-        let (ray_set, parts) = match self.receive(&id, announcement, body).await {
+        let (ray_set, parts, inspection) = match self.receive(&id, announcement, body).await {
             Ok(received) => received,
             Err(error) => {
                 self.forget(&id).await;
@@ -96,7 +108,7 @@ impl Intake {
             }
         };
         // From here on the row may be there, whatever the answer: only the sweep of the next start can tell.
-        let known = ray_sets::insert(&self.storage.records, ray_set, &parts).await;
+        let known = ray_sets::insert(&self.storage.records, ray_set, &parts, &inspection).await;
         Ok(known.inspect_err(|error| {
             tracing::error!(ray_set = id, %error, "an upload may or may not be known; its blobs stay until the next start");
         })?)
@@ -115,7 +127,7 @@ impl Intake {
         id: &str,
         announcement: Announcement,
         body: impl Stream<Item = Result<Bytes, E>>,
-    ) -> Result<(RaySet, Vec<Part>), Error> {
+    ) -> Result<(RaySet, Vec<Part>, Inspection), Error> {
         let mut body = pin!(body);
         let mut spool = Spool::new(self, id, announcement.byte_count);
         while let Some(chunk) = timeout(self.idle, body.next()).await.map_err(|_| Error::Idle(self.idle))? {
@@ -132,19 +144,47 @@ impl Intake {
             bytes: Arc::new(bytes),
             declared: Declared::default(),
         };
-        let header = self.header(input).await?;
+        let Described { header, inspection } = self.inspect_and_describe(input, announcement.gone).await?;
         let ray_set = RaySet { id: id.to_owned(), name: announcement.name, byte_count, sha256, header, created_ms: 0 };
-        Ok((ray_set, parts))
+        Ok((ray_set, parts, inspection))
     }
 
-    /// What the whole file says of itself, as JSON.
-    async fn header(&self, input: Input) -> Result<String, Error> {
+    /// Reads the whole file once, on a thread that may block, until `gone`.
+    async fn inspect_and_describe(&self, input: Input, gone: CancellationToken) -> Result<Described, Error> {
         let limits = self.limits;
-        let header = spawn_blocking(move || {
-            let header = pipeline::header(&input, &limits)?;
-            serde_json::to_string(&header).map_err(|error| pipeline::Error::Unreadable(error.into()))
-        });
-        Ok(header.await.map_err(|error| pipeline::Error::Unreadable(std::io::Error::other(error)))??)
+        let described = spawn_blocking(move || describe(&input, &limits, &Until(gone)));
+        Ok(described.await.map_err(|error| pipeline::Error::Unreadable(std::io::Error::other(error)))??)
+    }
+}
+
+/// Inspects a file and draws what was found.
+fn describe(input: &Input, limits: &Limits, watch: &dyn Watch) -> Result<Described, pipeline::Error> {
+    let found = pipeline::inspect(input, limits, watch)?;
+    let unwritable = |error: serde_json::Error| pipeline::Error::Unreadable(error.into());
+    let mut header = found.header.clone();
+    header.texts.clear();
+    let drawing = |drawing: Artifact| Drawing {
+        sha256: hex(&Sha256::digest(&drawing.bytes)),
+        svg: String::from_utf8_lossy(&drawing.bytes).into_owned(),
+        name: drawing.name,
+    };
+    Ok(Described {
+        header: serde_json::to_string(&header).map_err(unwritable)?,
+        inspection: Inspection {
+            json: serde_json::to_string(&found).map_err(unwritable)?,
+            drawings: pipeline::drawings(&found, &input.name).into_iter().map(drawing).collect(),
+        },
+    })
+}
+
+/// Watches an inspection on behalf of a client that may go away.
+struct Until(CancellationToken);
+
+impl Watch for Until {
+    fn progress(&self, _stage: Stage, _fraction: f64) {}
+
+    fn cancelled(&self) -> bool {
+        self.0.is_cancelled()
     }
 }
 

@@ -5,6 +5,7 @@ use lampwright::service::Config;
 use lampwright::service::jobs::options::JobOptions;
 use lampwright::service::jobs::queue::{Claim, Queue};
 use lampwright::service::jobs::{Failure, State, TRANSITIONS};
+use lampwright::service::storage::inspections::Inspection;
 use lampwright::service::storage::records::sql;
 use lampwright::service::storage::{Storage, ray_sets};
 use serde_json::json;
@@ -167,7 +168,7 @@ async fn only_the_transitions_of_the_table_happen() {
         header: "{}".into(),
         created_ms: 0,
     };
-    ray_sets::insert(&storage.records, row, &[]).await.unwrap();
+    ray_sets::insert(&storage.records, row, &[], &Inspection::default()).await.unwrap();
     let lease = Duration::from_secs(60);
     let (ours, theirs) = (Queue::new(storage.clone(), lease, 3), Queue::new(storage.clone(), lease, 3));
     let mut seen = Vec::new();

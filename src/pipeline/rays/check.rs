@@ -85,6 +85,8 @@ pub struct Checked {
     pub flux: [f64; 2],
     /// Tristimulus X and Z, lm, not negative.
     pub xz_lm: [f64; 2],
+    /// How far the direction's length was from 1.
+    pub length_error: f64,
     /// The direction was repaired by more than text rounding.
     pub normalized: bool,
     /// X or Z was set to 0.
@@ -130,6 +132,7 @@ pub fn check(facts: &Facts, conversion: &Conversion, raw: &RawRay) -> Result<Che
         direction: direction / length,
         flux,
         xz_lm: xz.map(|value| value.max(0.0)),
+        length_error: off,
         normalized: off > LENGTH_NOTICED,
         xz_repaired: xz[0] < 0.0 || xz[1] < 0.0,
     })

@@ -93,6 +93,8 @@ fn routes() -> OpenApiRouter<Api> {
     let reads = OpenApiRouter::new()
         .routes(routes!(ray_sets::list))
         .routes(routes!(ray_sets::get))
+        .routes(routes!(ray_sets::origins))
+        .routes(routes!(ray_sets::far_field))
         .routes(routes!(jobs::create))
         .routes(routes!(jobs::list))
         .routes(routes!(jobs::get))

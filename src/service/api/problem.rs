@@ -134,6 +134,13 @@ impl Problem {
         Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "request.out_of_range", "Out of range", detail).at(path)
     }
 
+    /// No such drawing.
+    pub fn no_drawing(name: &str) -> Problem {
+        let detail = format!("The ray set has no {name}.");
+        Problem::new(StatusCode::NOT_FOUND, "drawing.not_found", "No such drawing", detail)
+            .remedy("Files without usable rays, and those taken in before there were inspections, have none.")
+    }
+
     /// No such artifact.
     pub fn no_artifact(name: &str) -> Problem {
         let detail = format!("The job has no artifact {name:?}.");

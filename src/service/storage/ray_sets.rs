@@ -1,6 +1,7 @@
 //! Rows of ray sets and their parts.
 
 use super::Error;
+use super::inspections::{self, Inspection};
 use super::parts::Part;
 use super::records::{Records, Row, sql};
 
@@ -15,7 +16,7 @@ pub struct RaySet {
     pub byte_count: u64,
     /// SHA-256 of the bytes, lower-case hex.
     pub sha256: String,
-    /// What the file says of itself: the pipeline's header, as JSON.
+    /// What the file says of itself: the pipeline's header without its texts, as JSON. The inspection has it whole.
     pub header: String,
     /// When it was complete, epoch ms.
     pub created_ms: i64,
@@ -43,11 +44,11 @@ fn ray_set(row: &Row) -> Result<RaySet, Error> {
     })
 }
 
-/// Makes a ray set known, whose parts are all stored. Answers it with its time.
+/// Makes a ray set known, whose parts are all stored, with its inspection. Answers it with its time.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn insert(records: &Records, new: RaySet, parts: &[Part]) -> Result<RaySet, Error> {
+pub async fn insert(records: &Records, new: RaySet, parts: &[Part], inspection: &Inspection) -> Result<RaySet, Error> {
     let mut transaction = records.begin().await?;
     let insert = "INSERT INTO ray_sets (id, name, byte_count, sha256, header, created_ms) \
                   VALUES ($1, $2, $3, $4, $5, {now}) RETURNING created_ms";
@@ -58,6 +59,7 @@ pub async fn insert(records: &Records, new: RaySet, parts: &[Part]) -> Result<Ra
         let insert = insert.bind(new.id.as_str()).bind(number as i64);
         transaction.write(insert.bind(part.byte_count.cast_signed()).bind(part.blob.as_str())).await?;
     }
+    inspections::insert(&mut transaction, &new.id, inspection).await?;
     transaction.commit().await?;
     let created_ms = rows.first().map_or(Ok(0), |row| row.number("created_ms"))?;
     Ok(RaySet { created_ms, ..new })
