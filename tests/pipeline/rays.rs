@@ -472,29 +472,6 @@ fn lighttools_export_is_scaled_to_its_header() {
 }
 
 #[test]
-fn zemax_files_sum_their_rays() {
-    let cases = [
-        ("zemax_omnistic_binary_source.dat", 1, Some(1.0), 1),
-        ("ansys_test_08_dat.DAT", 11, Some(11.0), 1),
-        ("ansys_test_08_ray_reference.sdf", 11, Some(11.0), 0),
-        ("mu_ThreeRays_Wavelength_ZMX.ray", 3, Some(0.009_319_803), 0),
-    ];
-    for (name, count, watt, header_wavelength) in cases {
-        let Some(bytes) = real(name) else { return };
-        let source = read_all(vec![bytes]).unwrap();
-        let (used, radiant, _) = sums(&source);
-        assert_eq!(used, count, "{name}");
-        assert!(close(radiant, watt.unwrap(), 1e-6), "{name}: {radiant}");
-        assert_eq!(source.notices.count_of("zemax.header_wavelength"), header_wavelength, "{name}");
-    }
-    let Some(lumens) = real("ansys_test_08_dat_flux_type_1.dat") else { return };
-    let source = read_all(vec![lumens]).unwrap();
-    assert!(close(source.flux.luminous_lm.unwrap(), 0.0015, 1e-6));
-    let Some(swapped) = real("ansys_test_08_sdf.sdf") else { return };
-    assert_eq!(read_all(vec![swapped]).unwrap().notices.count_of("zemax.swapped_columns"), 1);
-}
-
-#[test]
 fn what_is_not_read_is_named() {
     let cases = [
         ("mu_Cyl10k.1.ray", "detect.lighttools_text"),
