@@ -228,7 +228,10 @@ impl From<StartError> for Failure {
             StartError::Folder { .. } => ("serve.folder", "Name another with --data, or see to its permissions."),
             StartError::Locked(_) => ("serve.locked", "Stop the other process, or name another folder with --data."),
             StartError::Listen { .. } => ("serve.listen", "Name another with --listen; port 0 takes any free one."),
-            StartError::Storage(_) => ("serve.storage", "See that the data folder is whole and has room, and that the engines named by DATABASE_URL and STORAGE_URL answer."),
+            StartError::Storage(_) => (
+                "serve.storage",
+                "See that the data folder is whole and has room, and that the engines named by DATABASE_URL and STORAGE_URL answer.",
+            ),
             StartError::Threads(_) => ("serve.threads", "Give fewer with --threads or --jobs."),
         };
         Failure::failed(code, error.to_string(), remedy)

@@ -4,6 +4,8 @@
 pub mod config;
 /// Logs.
 pub mod telemetry;
+/// Points at which a test makes the process die.
+pub mod crash;
 /// Which cryptography TLS uses.
 pub mod tls;
 /// What outlives the process: rows and blobs.

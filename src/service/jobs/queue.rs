@@ -1,6 +1,7 @@
 //! Every change of a job's state, one statement each. At least once begun, exactly once published: a worker's write names
 //! the fence its claim gave it, and zero rows changed means that the lease was lost and the result is nobody's.
 
+use super::super::crash;
 use super::super::storage::records::sql;
 use super::super::storage::{self, Storage, job_folder, new_id};
 use super::options::JobOptions;
@@ -113,7 +114,9 @@ impl Queue {
                 return Err(Error::MissingRaySet(ray_set.clone()));
             }
         }
+        crash::point("submit.before_commit");
         transaction.commit().await?;
+        crash::point("submit.committed");
         self.wake.notify_one();
         Ok(id)
     }
@@ -134,6 +137,7 @@ impl Queue {
         let rows = transaction.read(claim).await?;
         transaction.commit().await?;
         let Some(row) = rows.first() else { return Ok(None) };
+        crash::point("claim.committed");
         Ok(Some(Claim {
             id: row.text("id")?,
             fence: row.number("fence")?,
@@ -187,7 +191,9 @@ impl Queue {
             let insert = insert.bind(artifact.media_type.as_str()).bind(artifact.byte_count.cast_signed());
             transaction.write(insert.bind(artifact.sha256.as_str()).bind(artifact.blob.as_str())).await?;
         }
+        crash::point("finish.before_commit");
         transaction.commit().await?;
+        crash::point("finish.committed");
         Ok(true)
     }
 

@@ -1,5 +1,6 @@
 //! Rows of ray sets and their parts.
 
+use super::super::crash;
 use super::Error;
 use super::parts::Part;
 use super::records::{Records, Row, sql};
@@ -58,7 +59,9 @@ pub async fn insert(records: &Records, new: RaySet, parts: &[Part]) -> Result<Ra
         let insert = insert.bind(new.id.as_str()).bind(number as i64);
         transaction.write(insert.bind(part.byte_count.cast_signed()).bind(part.blob.as_str())).await?;
     }
+    crash::point("upload.before_commit");
     transaction.commit().await?;
+    crash::point("upload.committed");
     let created_ms = rows.first().map_or(Ok(0), |row| row.number("created_ms"))?;
     Ok(RaySet { created_ms, ..new })
 }
