@@ -4,6 +4,10 @@
 pub mod config;
 /// Logs.
 pub mod telemetry;
+/// Points at which a test makes the process die.
+pub mod crash;
+/// Which cryptography TLS uses.
+pub mod tls;
 /// What outlives the process: rows and blobs.
 pub mod storage;
 /// Takes in a ray file.
@@ -13,7 +17,7 @@ pub mod jobs;
 /// The service's face.
 pub mod api;
 
-pub use config::Config;
+pub use config::{Config, Role};
 
 use api::Api;
 use axum::Router;
@@ -24,11 +28,12 @@ use std::fs::{File, TryLockError};
 use std::io;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use storage::Storage;
+use std::time::Duration;
+use storage::{Storage, garbage};
 use tokio::io::AsyncRead;
 use tokio::net::TcpListener;
 use tokio::task::JoinSet;
-use tokio::time::{Instant, timeout, timeout_at};
+use tokio::time::{Instant, MissedTickBehavior, interval, timeout, timeout_at};
 use tokio_util::io::ReaderStream;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
@@ -93,8 +98,10 @@ pub struct Service {
     address: SocketAddr,
     slots: JoinSet<()>,
     release: CancellationToken,
+    /// Looks for garbage as long as the service lives.
+    _garbage: AbortOnDropHandle<()>,
     /// Held as long as the service lives: proves that nobody else works in the data folder.
-    _lock: File,
+    _lock: Option<File>,
 }
 
 impl Service {
@@ -111,13 +118,18 @@ impl Service {
     /// # Errors
     /// [`StartError`].
     pub async fn start_with(config: Config, runner: Runner) -> Result<Service, StartError> {
-        let lock = lock(&config.data)?;
+        tls::install();
+        let lock = if config.is_alone() { Some(lock(&config.data)?) } else { None };
         let storage = Storage::open(&config.database_url(), &config.storage_url()).await?;
         let queue = Queue::new(storage.clone(), config.lease, config.max_attempts);
-        // The lock proves that whoever ran these jobs and wrote these blobs is gone.
-        queue.recover().await?;
-        let swept = storage.sweep().await?;
-        tracing::info!(data = %config.data.display(), swept, "storage opened");
+        if lock.is_some() {
+            // The lock proves that whoever ran these jobs and wrote these blobs is gone. Where there is none, leases and
+            // the age of what lies about say it later.
+            queue.recover().await?;
+            garbage::collect(&storage, Duration::ZERO).await?;
+        }
+        tracing::info!(alone = lock.is_some(), role = ?config.role, "storage opened");
+        let garbage = AbortOnDropHandle::new(tokio::spawn(collect_garbage(storage.clone(), config.clone())));
         let listen = |error| StartError::Listen { address: config.listen, error };
         let listener = TcpListener::bind(config.listen).await.map_err(listen)?;
         let address = listener.local_addr().map_err(listen)?;
@@ -133,11 +145,14 @@ impl Service {
             stop: stop.clone(),
             release: release.clone(),
         };
-        let slots = worker.spawn(config.concurrency, config.threads)?;
+        let slots = match config.role.computes() {
+            true => worker.spawn(config.concurrency, config.threads)?,
+            false => JoinSet::new(),
+        };
         let (max_bytes, idle, limits) = (config.max_upload_bytes, config.upload_idle, config.limits);
         let intake = Intake { storage: storage.clone(), max_bytes, idle, limits };
         let api = Api { storage, queue, intake, draining: stop };
-        Ok(Service { config, api, listener, address, slots, release, _lock: lock })
+        Ok(Service { config, api, listener, address, slots, release, _garbage: garbage, _lock: lock })
     }
 
     /// Where it listens.
@@ -147,7 +162,10 @@ impl Service {
 
     /// Its face, for requests that come from within.
     pub fn router(&self) -> Router {
-        api::router(self.api.clone())
+        match self.config.role.answers() {
+            true => api::router(self.api.clone()),
+            false => api::health_router(self.api.clone()),
+        }
     }
 
     /// Takes in a ray file and queues a job with default options, the way any client's would be.
@@ -199,6 +217,20 @@ impl Service {
         self.api.storage.records.close().await;
         tracing::info!("stopped");
         Ok(())
+    }
+}
+
+/// Deletes what no row names, again and again.
+async fn collect_garbage(storage: Storage, config: Config) {
+    let mut ticker = interval(config.garbage_period());
+    ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        ticker.tick().await;
+        match garbage::collect(&storage, config.garbage_age).await {
+            Ok(0) => {}
+            Ok(blobs) => tracing::info!(blobs, "deleted blobs that no row names"),
+            Err(error) => tracing::warn!(%error, "cannot look for garbage; trying again later"),
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! Takes in a ray file: counts, hashes, judges and stores it while it streams by. Memory does not grow with the file: what
 //! is not yet a stored part is at most one part.
 
+use super::crash;
 use super::jobs::worker::hex;
 use super::storage::inspections::{Drawing, Inspection};
 use super::storage::parts::{Part, Parts};
@@ -259,6 +260,7 @@ impl<'a> Spool<'a> {
             byte_count: bytes.len() as u64,
         };
         self.intake.storage.blobs.put(&part.blob, bytes).await?;
+        crash::point("upload.part_stored");
         self.parts.push(part);
         Ok(())
     }
