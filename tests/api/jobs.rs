@@ -165,9 +165,10 @@ async fn only_the_transitions_of_the_table_happen() {
         byte_count: 1,
         sha256: String::new(),
         header: "{}".into(),
+        packed: None,
         created_ms: 0,
     };
-    ray_sets::insert(&storage.records, row, &[]).await.unwrap();
+    ray_sets::insert(&storage.records, vec![(row, Vec::new())]).await.unwrap();
     let lease = Duration::from_secs(60);
     let (ours, theirs) = (Queue::new(storage.clone(), lease, 3), Queue::new(storage.clone(), lease, 3));
     let mut seen = Vec::new();

@@ -3,6 +3,8 @@
 
 #![expect(clippy::unwrap_used, clippy::panic, reason = "what a test stumbles over is its finding")]
 
+#[path = "../support/packing.rs"]
+mod packing;
 #[path = "../support/rays.rs"]
 mod rays;
 #[path = "../support/runners.rs"]
@@ -14,6 +16,8 @@ mod site;
 mod walk;
 /// What is taken in, and what is not.
 mod uploads;
+/// What comes packed.
+mod packed;
 /// Every way to ask wrongly.
 mod requests;
 /// Queue, cancellation, deletion, pages.
