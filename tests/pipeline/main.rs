@@ -4,6 +4,9 @@
 
 mod bad_input;
 mod known_sources;
+mod packed;
+#[path = "../support/packing.rs"]
+mod packing;
 mod rays;
 #[path = "../support/statistics.rs"]
 mod statistics;
