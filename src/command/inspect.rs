@@ -3,16 +3,16 @@
 use super::progress::Progress;
 use super::table::{Table, count, flux, number, triple};
 use super::{Failure, file};
-use crate::pipeline::{self, Header, Inspection, Limits, Notice};
+use crate::pipeline::{self, Header, Input, Inspection, Limits, Notice};
 use clap::Args;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `inspect`.
 #[derive(Args)]
 pub struct Arguments {
-    /// The ray file.
+    /// The ray file; or a packed one: every ray file in it, or FILE:MEMBER.
     file: PathBuf,
-    /// JSON instead of a table.
+    /// JSON instead of a table; one document for each ray file.
     #[arg(long)]
     json: bool,
     /// Where to write drawings of origins and far field.
@@ -23,11 +23,25 @@ pub struct Arguments {
 /// Reads the whole file once and prints what is in it.
 ///
 /// # Errors
-/// A file that cannot be read or is refused.
+/// A file that cannot be read or is refused; the others in the same packed file are printed all the same.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let input = file::open(&arguments.file)?;
+    let found = file::find(&arguments.file)?;
+    for (name, error) in &found.left_out {
+        eprintln!("left out {name} ({}): {error}", error.code());
+    }
+    let mut failed = None;
+    for input in found.open_all() {
+        if let Some(earlier) = input.and_then(|input| one(arguments, &input)).err().and_then(|new| failed.replace(new))
+        {
+            eprintln!("{earlier}");
+        }
+    }
+    failed.map_or(Ok(()), Err)
+}
+
+fn one(arguments: &Arguments, input: &Input) -> Result<(), Failure> {
     let progress = Progress::start();
-    let inspected = pipeline::inspect(&input, &Limits::default(), &progress);
+    let inspected = pipeline::inspect(input, &Limits::default(), &progress);
     progress.finish();
     let inspection = inspected.map_err(|error| Failure::from(error).at(&input.name))?;
     if let Some(folder) = &arguments.svg {

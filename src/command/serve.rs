@@ -2,6 +2,7 @@
 //! there is something to look at within seconds.
 
 use super::Failure;
+use crate::pipeline::Limits;
 use crate::pipeline::rays::synthetic;
 use crate::service::telemetry::{self, LogFormat};
 use crate::service::{Config, Role, Service, StartError, Submitted};
@@ -47,7 +48,7 @@ pub struct Arguments {
     /// Threads each job computes on [default: as many as the machine has].
     #[arg(long, env = "LAMPWRIGHT_THREADS", value_name = "N", value_parser = at_least_one)]
     threads: Option<usize>,
-    /// Largest ray file taken, bytes [default: 64 GiB].
+    /// Largest file taken, and most bytes that a packed one may unpack to [default: 64 GiB].
     #[arg(long, env = "LAMPWRIGHT_MAX_UPLOAD", value_name = "BYTES")]
     max_upload: Option<u64>,
     /// Seconds that running jobs and open connections get when the service stops [default: 10].
@@ -101,6 +102,7 @@ impl Arguments {
     fn config(&self) -> Config {
         let defaults = Config::new(&self.data);
         let seconds = |given: Option<usize>, default| given.map_or(default, |count| Duration::from_secs(count as u64));
+        let max_upload_bytes = self.max_upload.unwrap_or(defaults.max_upload_bytes);
         Config {
             role: match self.role {
                 Part::Api => Role::Api,
@@ -115,7 +117,8 @@ impl Arguments {
             listen: self.listen,
             concurrency: self.jobs.unwrap_or(defaults.concurrency),
             threads: self.threads.unwrap_or(defaults.threads),
-            max_upload_bytes: self.max_upload.unwrap_or(defaults.max_upload_bytes),
+            max_upload_bytes,
+            limits: Limits { max_expanded_bytes: max_upload_bytes, ..defaults.limits },
             grace: self.grace.map_or(defaults.grace, Duration::from_secs),
             ..defaults
         }
@@ -173,7 +176,7 @@ async fn begin(service: &Service, unwanted: bool) -> Result<Option<Submitted>, F
     let mut bytes = Vec::new();
     synthetic::write_tm25(&source, SAMPLE_RAYS, 1, &mut bytes).map_err(|error| failed(error.to_string()))?;
     let submitted = service.submit(&format!("{SAMPLE}.tm25ray"), bytes.as_slice()).await;
-    submitted.map(Some).map_err(|error| failed(error.to_string()))
+    Ok(submitted.map_err(|error| failed(error.to_string()))?.pop())
 }
 
 /// Says where the sample's model is, once it is, or why there is none.

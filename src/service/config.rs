@@ -43,7 +43,7 @@ pub struct Config {
     pub database_url: Option<String>,
     /// The object store, `file:` or `s3://`. Default: `file:<data>/blobs`.
     pub storage_url: Option<String>,
-    /// Largest ray file taken, bytes.
+    /// Largest file taken, and largest ray file in a packed one, bytes.
     pub max_upload_bytes: u64,
     /// Longest silence in an upload before it is given up.
     pub upload_idle: Duration,

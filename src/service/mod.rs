@@ -12,6 +12,8 @@ pub mod tls;
 pub mod storage;
 /// Takes in a ray file.
 pub mod upload;
+/// What is in a packed one.
+mod unpack;
 /// What is to be computed, and who computes it.
 pub mod jobs;
 /// The service's face.
@@ -80,7 +82,7 @@ pub enum SubmitError {
     Queue(#[from] queue::Error),
 }
 
-/// What [`Service::submit`] made.
+/// What [`Service::submit`] made of a ray file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Submitted {
     /// The ray set's identifier.
@@ -168,15 +170,20 @@ impl Service {
         }
     }
 
-    /// Takes in a ray file and queues a job with default options, the way any client's would be.
+    /// Takes in a ray file, or the ray files in a packed one, and queues a job for each with default options, the way any
+    /// client's would be.
     ///
     /// # Errors
-    /// [`SubmitError`]; nothing is left behind, but for the ray set when only the job fails.
-    pub async fn submit(&self, name: &str, reader: impl AsyncRead) -> Result<Submitted, SubmitError> {
+    /// [`SubmitError`]; nothing is left behind, but for ray sets when only a job fails.
+    pub async fn submit(&self, name: &str, reader: impl AsyncRead) -> Result<Vec<Submitted>, SubmitError> {
         let announcement = Announcement { name: name.to_owned(), ..Announcement::default() };
-        let ray_set = self.api.intake.take(announcement, ReaderStream::new(reader)).await?.id;
-        let job = self.api.queue.enqueue(std::slice::from_ref(&ray_set), &JobOptions::default()).await?;
-        Ok(Submitted { ray_set, job })
+        let taken = self.api.intake.take(announcement, ReaderStream::new(reader)).await?;
+        let mut submitted = Vec::new();
+        for ray_set in taken.ray_sets.into_iter().map(|ray_set| ray_set.id) {
+            let job = self.api.queue.enqueue(std::slice::from_ref(&ray_set), &JobOptions::default()).await?;
+            submitted.push(Submitted { ray_set, job });
+        }
+        Ok(submitted)
     }
 
     /// True when it has neither ray sets nor jobs: nobody has used this data folder yet.

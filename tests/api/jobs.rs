@@ -166,9 +166,11 @@ async fn only_the_transitions_of_the_table_happen() {
         byte_count: 1,
         sha256: String::new(),
         header: "{}".into(),
+        packed: None,
         created_ms: 0,
     };
-    ray_sets::insert(&storage.records, row, &[], &Inspection::default()).await.unwrap();
+    let draft = Draft { ray_set: row, parts: Vec::new(), inspection: Inspection::default() };
+    ray_sets::insert(&storage.records, vec![draft]).await.unwrap();
     let lease = Duration::from_secs(60);
     let (ours, theirs) = (Queue::new(storage.clone(), lease, 3), Queue::new(storage.clone(), lease, 3));
     let mut seen = Vec::new();

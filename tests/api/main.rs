@@ -5,6 +5,8 @@
 
 #[path = "../support/engines.rs"]
 mod engines;
+#[path = "../support/packing.rs"]
+mod packing;
 #[path = "../support/rays.rs"]
 mod rays;
 #[path = "../support/runners.rs"]
@@ -16,6 +18,8 @@ mod site;
 mod walk;
 /// What is taken in, and what is not.
 mod uploads;
+/// What comes packed.
+mod packed;
 /// Every way to ask wrongly.
 mod requests;
 /// What an upload answers of its rays.

@@ -6,6 +6,9 @@ mod bad_input;
 mod inspection;
 mod known_sources;
 mod prefixes;
+mod packed;
+#[path = "../support/packing.rs"]
+mod packing;
 mod rays;
 mod real_files;
 mod real_text_files;

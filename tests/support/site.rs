@@ -56,8 +56,17 @@ impl Reply {
         self.headers.get(name).unwrap_or_else(|| panic!("no {name}: {self:?}")).to_str().unwrap()
     }
 
+    /// Of a job, or of the first ray set of an upload.
     pub fn id(&self) -> String {
-        self.json()["id"].as_str().unwrap().to_owned()
+        let json = self.json();
+        json["id"].as_str().or(json["ray_sets"][0]["id"].as_str()).unwrap().to_owned()
+    }
+
+    /// The one ray set of an upload.
+    pub fn ray_set(&self) -> Value {
+        let json = self.json();
+        assert_eq!((json["ray_sets"].as_array().map(Vec::len), &json["left_out"]), (Some(1), &json!([])), "{json}");
+        json["ray_sets"][0].clone()
     }
 
     /// Status and code of a problem.

@@ -12,6 +12,8 @@ use utoipa::ToSchema;
 
 /// The media type of every error.
 pub const MEDIA_TYPE: &str = "application/problem+json";
+/// Files of a packed file that a problem names.
+const NAMED: usize = 20;
 
 /// What went wrong (RFC 9457).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
@@ -139,6 +141,20 @@ impl Problem {
         let detail = format!("The ray set has no {name}.");
         Problem::new(StatusCode::NOT_FOUND, "drawing.not_found", "No such drawing", detail)
             .remedy("Files without usable rays, and those taken in before there were inspections, have none.")
+    }
+
+    /// A packed file without a ray file.
+    fn no_ray_file(left_out: &[upload::LeftOut]) -> Problem {
+        let mut detail = "There is no ray file in the packed file.".to_owned();
+        for file in left_out.iter().take(NAMED) {
+            detail += &format!(" {:?} ({}): {}", file.name, file.code, file.detail);
+        }
+        if left_out.len() > NAMED {
+            detail += &format!(" And {} more.", left_out.len() - NAMED);
+        }
+        let status = StatusCode::UNPROCESSABLE_ENTITY;
+        Problem::new(status, "container.no_ray_file", "No ray file in the packed file", detail)
+            .remedy("Send the ray file itself, or packed with gzip, zstd or zip.")
     }
 
     /// No such artifact.
@@ -280,7 +296,8 @@ impl From<upload::Error> for Problem {
                 format!("The SHA-256 of what came is {found}, announced was {announced}."),
             )
             .remedy("Send it again."),
-            Error::Unfit(error) => error.into(),
+            Error::Unfit(error) | Error::Packed(error) => error.into(),
+            Error::NoRayFile(left_out) => Problem::no_ray_file(&left_out),
             Error::Storage(error) => error.into(),
         }
     }

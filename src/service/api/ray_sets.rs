@@ -3,7 +3,7 @@
 use super::super::storage::inspections::{self, Drawing};
 use super::super::storage::ray_set_folder;
 use super::super::storage::ray_sets::{self, Deletion};
-use super::super::upload::Announcement;
+use super::super::upload::{self, Announcement, LeftOut};
 use super::Api;
 use super::extract::{Page, Path, Query, cut};
 use super::problem::Problem;
@@ -44,10 +44,30 @@ pub struct RaySet {
     /// there were inspections.
     #[schema(value_type = Option<Object>)]
     inspection: Option<Value>,
+    /// The packed file it came in; null where it came by itself.
+    packed: Option<Packed>,
     /// When it was complete, epoch ms.
     created_ms: i64,
     /// Where it is.
     links: RaySetLinks,
+}
+
+/// A gzip, zstd or zip file that ray sets came in; it is not kept itself.
+#[derive(Serialize, ToSchema)]
+pub struct Packed {
+    /// What it was called.
+    name: String,
+    /// SHA-256 of its bytes, lower-case hex.
+    sha256: String,
+}
+
+/// What came of an upload.
+#[derive(Serialize, ToSchema)]
+pub struct Taken {
+    /// One ray set for each ray file: one, or as many as a packed file holds.
+    ray_sets: Vec<RaySet>,
+    /// What else was in a packed file, and why it is no ray set.
+    left_out: Vec<LeftOut>,
 }
 
 /// Where a ray set is.
@@ -81,6 +101,7 @@ impl From<ray_sets::RaySet> for RaySet {
             sha256: row.sha256,
             header: serde_json::from_str(&row.header).unwrap_or_default(),
             inspection: None,
+            packed: row.packed.map(|ray_sets::Packed { name, sha256 }| Packed { name, sha256 }),
             created_ms: row.created_ms,
         }
     }
@@ -125,10 +146,11 @@ pub struct Naming {
     name: Option<String>,
 }
 
-/// Takes in a ray file
+/// Takes in a ray file, or those in a packed one
 ///
 /// The body is the file. It is refused as soon as its beginning is wrong. A file that can be read is kept and inspected, ray by
-/// ray: whether a job would take it is `inspection.verdict`.
+/// ray: whether a job would take it is `inspection.verdict`. A gzip, zstd or zip file is unpacked when all of it is there: each
+/// ray file in it is a ray set, and all become known together.
 #[utoipa::path(
     post, path = "/v1/ray-sets", tag = "ray sets", operation_id = "upload_ray_set",
     params(
@@ -136,9 +158,9 @@ pub struct Naming {
         ("Repr-Digest" = Option<String>, Header, description = "`sha-256=:<base64>:` (RFC 9530): verified when sent"),
         ("Content-Digest" = Option<String>, Header, description = "as Repr-Digest"),
     ),
-    request_body(content = inline(super::Binary), content_type = "application/octet-stream", description = "IES TM-25 or Zemax binary"),
+    request_body(content = inline(super::Binary), content_type = "application/octet-stream", description = "IES TM-25 or Zemax binary, as it is or packed with gzip, zstd or zip"),
     responses(
-        (status = 201, body = RaySet, description = "taken in", headers(("Location" = String, description = "the ray set"))),
+        (status = 201, body = Taken, description = "taken in", headers(("Location" = String, description = "the ray set, or the list where there are several"))),
         (status = 400, body = Problem, content_type = "application/problem+json", description = "malformed file, header or query; truncated body; wrong digest"),
         (status = 408, body = Problem, content_type = "application/problem+json", description = "the upload fell silent"),
         (status = 413, body = Problem, content_type = "application/problem+json", description = "larger than this service takes"),
@@ -159,20 +181,26 @@ pub async fn upload(
     }
     let mut announcement = announcement(naming.name, &headers)?;
     if announcement.byte_count.is_some_and(|bytes| bytes > api.intake.max_bytes) {
-        return Err(super::super::upload::Error::TooLarge(api.intake.max_bytes).into());
+        return Err(upload::Error::TooLarge(api.intake.max_bytes).into());
     }
     announcement.gone = CancellationToken::new();
     let _gone = announcement.gone.clone().drop_guard();
     let reader = api.clone();
     // A task of its own: when the client goes away this handler is dropped, and what was stored must still be cleaned up.
     let taken = tokio::spawn(async move { api.intake.take(announcement, body.into_data_stream()).await });
-    let row = taken.await.map_err(|error| {
+    let taken = taken.await.map_err(|error| {
         tracing::error!(%error, "an upload stopped");
         Problem::internal()
     })??;
-    let ray_set = RaySet::inspected(&reader, row).await?;
-    let location = [(header::LOCATION, ray_set.links.this.clone())];
-    Ok((StatusCode::CREATED, location, Json(ray_set)).into_response())
+    let mut answer = Taken { ray_sets: Vec::new(), left_out: taken.left_out };
+    for row in taken.ray_sets {
+        answer.ray_sets.push(RaySet::inspected(&reader, row).await?);
+    }
+    let location = match answer.ray_sets.as_slice() {
+        [ray_set] => ray_set.links.this.clone(),
+        _ => "/v1/ray-sets".to_owned(),
+    };
+    Ok((StatusCode::CREATED, [(header::LOCATION, location)], Json(answer)).into_response())
 }
 
 /// Lists ray sets, newest first
@@ -304,7 +332,8 @@ fn announcement(name: Option<String>, headers: &HeaderMap) -> Result<Announcemen
     }
     if let Some(encoding) = text(header::CONTENT_ENCODING).filter(|encoding| *encoding != "identity") {
         let found = format!("The body is encoded as {encoding:?}.");
-        return Err(Problem::media_type(found, "Send the file as it is, without Content-Encoding."));
+        // An encoding is the connection's, a packed file is the user's: its name and digest are those of the file.
+        return Err(Problem::media_type(found, "Send the file as it is, without Content-Encoding; it may be packed."));
     }
     let byte_count = match text(header::CONTENT_LENGTH).map(str::parse) {
         Some(Err(_)) => return Err(Problem::malformed_header("Content-Length", "It is not a number.")),
