@@ -294,7 +294,8 @@ mod tests {
 
     #[test]
     fn fields_and_their_places() {
-        let cases: [(&str, Separator, &[(usize, &str)]); 6] = [
+        type Fields = [(usize, &'static str)];
+        let cases: [(&str, Separator, &Fields); 6] = [
             ("1 \t 2  3", Separator::Blank, &[(0, "1"), (4, "2"), (7, "3")]),
             ("1\t2", Separator::Blank, &[(0, "1"), (2, "2")]),
             ("1, 2 ,3,", Separator::Comma, &[(0, "1"), (3, "2"), (6, "3")]),

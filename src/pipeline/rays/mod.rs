@@ -282,7 +282,8 @@ pub struct RaySet {
     pub records: Box<dyn Records>,
 }
 
-/// Opens one ray file: detects its format, decodes its header, proves its count, obeys what was declared of it. Reads no ray.
+/// Opens one ray file: detects its format, decodes its header, proves its count, obeys what was declared of it. Reads no ray;
+/// a text file is gone through once, because only that finds its rows.
 ///
 /// # Errors
 /// [`Error::Malformed`], [`Error::Refused`], [`Error::Unreadable`]; [`Error::Unusable`] for a declaration that cannot be right.
