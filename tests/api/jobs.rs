@@ -7,7 +7,8 @@ use lampwright::service::jobs::queue::{Claim, Queue};
 use lampwright::service::jobs::{Failure, State, TRANSITIONS};
 use lampwright::service::storage::inspections::Inspection;
 use lampwright::service::storage::records::sql;
-use lampwright::service::storage::{Storage, ray_sets};
+use lampwright::service::storage::ray_sets::{self, Draft};
+use lampwright::service::storage::Storage;
 use serde_json::json;
 use std::time::{Duration, Instant};
 
