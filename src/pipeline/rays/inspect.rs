@@ -5,11 +5,11 @@ use super::super::vocabulary::limits::Limits;
 use super::super::vocabulary::notice::{Notice, Notices};
 use super::super::vocabulary::space::Axis;
 use super::super::vocabulary::spectrum::Bands;
-use super::super::vocabulary::units::Flux;
+use super::super::vocabulary::units::{Flux, LengthUnit};
 use super::super::vocabulary::watch::StageWatch;
 use super::conversion::Conversion;
 use super::survey::{Reading, survey, wider};
-use super::{Bytes, Facts, Format, Input, SpectralData, TotalRule, bands, detect, open, totals};
+use super::{Bytes, Facts, Format, Input, TotalRule, bands, detect, open, totals};
 use serde::Serialize;
 use std::io;
 use std::sync::Arc;
@@ -42,6 +42,10 @@ pub struct Header {
     pub has_luminous: bool,
     /// What the rays carry of the spectrum: "none", "table", "wavelength per ray", "table per ray", "tristimulus".
     pub spectrum: &'static str,
+    /// Length unit; `null` where it does not say.
+    pub length_unit: Option<LengthUnit>,
+    /// It does not say whether its flux is W or lm.
+    pub quantity_unknown: bool,
     /// Wavelengths of its tables, nm; `null` without tables.
     pub table_range_nm: Option<(f64, f64)>,
     /// Everything else, in the file's order.
@@ -150,7 +154,7 @@ pub fn header(input: &Input, limits: &Limits) -> Result<Header, Error> {
 pub fn inspect(input: &Input, limits: &Limits, watch: StageWatch<'_>) -> Result<Inspection, Error> {
     let set = open(Arc::clone(&input.bytes), &input.declared, limits)?;
     let bands: Bands = bands::asked(&super::Options::default())?.into_bands();
-    let radiant = totals::known(std::slice::from_ref(&set))?.radiant;
+    let radiant = Conversion::of(&set.facts).knows_radiant();
     let reading = survey(&set, radiant, &bands, limits, watch)?;
     Inspection::of(&set.facts, input.bytes.len(), &reading)
 }
@@ -166,13 +170,9 @@ impl Header {
             total_rule: facts.total_rule,
             has_radiant: facts.has_radiant,
             has_luminous: facts.has_luminous,
-            spectrum: match facts.spectral {
-                SpectralData::None => "none",
-                SpectralData::Table(_) => "table",
-                SpectralData::Wavelength => "wavelength per ray",
-                SpectralData::Tables(_) => "table per ray",
-                SpectralData::Tristimulus => "tristimulus",
-            },
+            spectrum: facts.spectral.name(),
+            length_unit: facts.length_unit,
+            quantity_unknown: facts.quantity_unknown,
             table_range_nm: facts.spectral.tables().iter().fold(None, |all, table| wider(all, Some(table.range_nm()))),
             texts: texts.map(|(name, value)| Text { name: name.clone(), value: value.clone() }).collect(),
             notices: facts.notices.to_vec(),
