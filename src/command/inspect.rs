@@ -1,17 +1,18 @@
 //! `inspect`: what a file says of itself, and what its rays say. Users want these checks before they want a model.
 
+use super::Failure;
+use super::declaration::{self, ChannelFile};
 use super::progress::Progress;
 use super::table::{Table, count, flux, number, triple};
-use super::{Failure, file};
 use crate::pipeline::{Header, Inspection, Limits, Notice};
 use clap::Args;
-use std::path::PathBuf;
 
 /// Arguments of `inspect`.
 #[derive(Args)]
 pub struct Arguments {
-    /// The ray file.
-    file: PathBuf,
+    /// The ray file; what follows a comma goes before its own word.
+    #[arg(value_name = "FILE[,KEY=VALUE]..", value_parser = declaration::channel, long_help = declaration::HELP)]
+    file: ChannelFile,
     /// JSON instead of a table.
     #[arg(long)]
     json: bool,
@@ -22,7 +23,7 @@ pub struct Arguments {
 /// # Errors
 /// A file that cannot be read or is refused.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let input = file::open(&arguments.file)?;
+    let (input, notices) = arguments.file.open()?;
     let progress = Progress::start();
     let inspected = crate::pipeline::inspect(&input, &Limits::default(), &progress);
     progress.finish();
@@ -37,6 +38,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         header_rows(&mut table, &inspection.header);
         ray_rows(&mut table, &inspection);
         notice_rows(&mut table, &inspection.notices);
+        notice_rows(&mut table, &notices);
         print!("{table}");
     }
     Ok(())

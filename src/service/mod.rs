@@ -17,7 +17,7 @@ pub use config::Config;
 
 use api::Api;
 use axum::Router;
-use jobs::options::JobOptions;
+use jobs::channels::NewJob;
 use jobs::queue::{self, Queue};
 use jobs::worker::{Runner, Worker, pipeline_runner};
 use std::fs::{File, TryLockError};
@@ -157,7 +157,7 @@ impl Service {
     pub async fn submit(&self, name: &str, reader: impl AsyncRead) -> Result<Submitted, SubmitError> {
         let announcement = Announcement { name: name.to_owned(), ..Announcement::default() };
         let ray_set = self.api.intake.take(announcement, ReaderStream::new(reader)).await?.id;
-        let job = self.api.queue.enqueue(std::slice::from_ref(&ray_set), &JobOptions::default()).await?;
+        let job = self.api.queue.enqueue(&NewJob::of(&ray_set)).await?;
         Ok(Submitted { ray_set, job })
     }
 

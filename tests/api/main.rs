@@ -16,6 +16,8 @@ mod walk;
 mod uploads;
 /// Every way to ask wrongly.
 mod requests;
+/// Spectra, and what is said of channels.
+mod channels;
 /// Queue, cancellation, deletion, pages.
 mod jobs;
 /// What processes and stores do to jobs.

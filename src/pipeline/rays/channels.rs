@@ -170,13 +170,13 @@ pub struct Claims {
     spectrum: String,
     /// Headers stored before there were formats without a unit do not have it.
     #[serde(default = "some_unit")]
-    length_unit: Option<LengthUnit>,
+    length_unit: Option<String>,
     #[serde(default)]
     quantity_unknown: bool,
 }
 
-fn some_unit() -> Option<LengthUnit> {
-    Some(LengthUnit::Millimetre)
+fn some_unit() -> Option<String> {
+    Some(LengthUnit::Millimetre.symbol().to_owned())
 }
 
 impl Claims {
@@ -196,7 +196,7 @@ impl Claims {
             has_radiant: self.has_radiant,
             has_luminous: self.has_luminous,
             spectral: kinds.into_iter().find(spectral).unwrap_or(SpectralData::None),
-            length_unit: self.length_unit,
+            length_unit: self.length_unit.as_deref().and_then(LengthUnit::from_symbol),
             quantity_unknown: self.quantity_unknown,
             texts: Vec::new(),
             notices: Notices::default(),

@@ -42,8 +42,8 @@ pub struct Header {
     pub has_luminous: bool,
     /// What the rays carry of the spectrum: "none", "table", "wavelength per ray", "table per ray", "tristimulus".
     pub spectrum: &'static str,
-    /// Length unit; `null` where it does not say.
-    pub length_unit: Option<LengthUnit>,
+    /// Length unit: "mm", …; `null` where it does not say.
+    pub length_unit: Option<&'static str>,
     /// It does not say whether its flux is W or lm.
     pub quantity_unknown: bool,
     /// Wavelengths of its tables, nm; `null` without tables.
@@ -171,7 +171,7 @@ impl Header {
             has_radiant: facts.has_radiant,
             has_luminous: facts.has_luminous,
             spectrum: facts.spectral.name(),
-            length_unit: facts.length_unit,
+            length_unit: facts.length_unit.map(LengthUnit::symbol),
             quantity_unknown: facts.quantity_unknown,
             table_range_nm: facts.spectral.tables().iter().fold(None, |all, table| wider(all, Some(table.range_nm()))),
             texts: texts.map(|(name, value)| Text { name: name.clone(), value: value.clone() }).collect(),

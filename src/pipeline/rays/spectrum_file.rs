@@ -309,3 +309,141 @@ fn number(field: &str) -> Option<f64> {
         _ => None,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::error::Place;
+    use super::*;
+
+    fn points(text: &str) -> Vec<(f64, f64)> {
+        parse(text.as_bytes()).unwrap().table.points().collect()
+    }
+
+    /// Code and byte of a fault.
+    fn fault(bytes: &[u8]) -> (&'static str, Option<u64>) {
+        match parse(bytes) {
+            Err(Error::Malformed(fault) | Error::Refused(fault)) => match fault.at {
+                Some(Place::Byte(byte)) => (fault.code, Some(byte)),
+                _ => (fault.code, None),
+            },
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn columns_are_told_apart_however_they_are_written() {
+        let expected = [(400.0, 0.5), (410.5, 1.0), (420.0, 0.25)];
+        for text in [
+            "400 0.5\n410.5 1\n420 .25\n",
+            "400\t0.5\r\n410.5\t1.0\r\n420\t0.25",
+            "400;0,5\n410,5;1\n420;0,25\n",
+            "400,0.5\n410.5,1\n420,0.25\n",
+            "400, 0.5\n410.5, 1\n420, 0.25\n",
+            "400,0 0,5\n410,5 1,0\n420,0 0,25\n",
+            "  400  \t 5e-1 \r410.5 1\r\r420 2.5E-1;\r",
+            "\u{feff}Wavelength [nm];Value\n\n# a comment\n400;0.5\n! another\n410.5;1\n// third\n% 4\n420;0.25\n",
+            "\"wavelength\",\"value\"\n\"400\",\"0.5\"\n410.5,1\n420,0.25\n",
+            "5 mm LED, 20 mA\n3\n400 0.5\n410.5 1\n420 0.25\n",
+        ] {
+            assert_eq!(points(text), expected, "{text:?}");
+            assert_eq!(parse(text.as_bytes()).unwrap().format, SpectrumFormat::Columns);
+        }
+        assert_eq!(points("555 1"), [(555.0, 1.0)]);
+    }
+
+    #[test]
+    fn micrometres_are_known_by_their_size() {
+        let read = parse(b"0.40 0.5\n0.41 1\n").unwrap();
+        assert_eq!(read.notices.count_of("spectrum.micrometres"), 1);
+        let nm: Vec<f64> = read.table.points().map(|(nm, _)| nm).collect();
+        assert!((nm[0] - 400.0).abs() < 1e-9 && (nm[1] - 410.0).abs() < 1e-9);
+        assert_eq!(fault(b"0.40 1\n410 1\n"), ("spectrum.wavelength", Some(7)));
+        assert_eq!(fault(b"400 1\n0.41 1\n"), ("spectrum.wavelength", Some(6)));
+        assert_eq!(fault(b"50 1\n60 1\n"), ("spectrum.wavelength", Some(0)));
+        assert_eq!(fault(b"-400 1\n"), ("spectrum.wavelength", Some(0)));
+    }
+
+    #[test]
+    fn lighttools_says_what_its_values_are() {
+        let file = |kind: &str, unit: &str| {
+            format!("#\tSome LED\ndfat 1.0\t\ndataname:\t LED 5\n{kind}\n{unit}\t\n400\t0.5\n450\t1\n")
+        };
+        let continuous = parse(file("continuous", "radiometric").as_bytes()).unwrap();
+        assert_eq!(continuous.format, SpectrumFormat::LightTools);
+        assert_eq!(continuous.table.points().collect::<Vec<_>>(), [(400.0, 0.5), (450.0, 1.0)]);
+        assert_eq!(fault(file("continuous", "photometric").as_bytes()), ("spectrum.photometric", Some(51)));
+        // Two lines, a third and two thirds of the flux.
+        let lines = parse(file("discrete", "radiometric").as_bytes()).unwrap();
+        assert_eq!(lines.notices.count_of("spectrum.lines"), 1);
+        let bands = super::super::super::vocabulary::spectrum::Bands::new(vec![390.0, 410.0, 440.0, 460.0]).unwrap();
+        for (share, exact) in lines.table.shares(&bands).iter().zip([1.0 / 3.0, 0.0, 2.0 / 3.0]) {
+            assert!((share - exact).abs() < 1e-9, "{share} {exact}");
+        }
+        assert_eq!(fault(b"dfat 1.0\ndiscrete\n400 1\n400.01 1\n"), ("spectrum.lines", Some(24)));
+    }
+
+    #[test]
+    fn speos_counts_its_rows() {
+        let read = parse(b"OPTIS - Spectrum file v1.0\nWhite 5 %\n2\n360\t4\n830\t4\n").unwrap();
+        assert_eq!((read.format, read.table.points().count()), (SpectrumFormat::Speos, 2));
+        // The description may be empty, or look like a row; some programs leave the count out.
+        for text in
+            ["OPTIS - Spectrum file v1\n\n2\n360 4\n830 4\n", "OPTIS - Spectrum fie v1.0\n400 7\n360 4\n830 4\n"]
+        {
+            assert_eq!(points(text), [(360.0, 4.0), (830.0, 4.0)], "{text:?}");
+        }
+        assert_eq!(fault(b"OPTIS - Spectrum file v1.0\nx\n3\n360 4\n830 4\n"), ("spectrum.count", Some(29)));
+        assert_eq!(fault(b"OPTIS - Spectrum file v2.0\nx\n"), ("spectrum.speos_version", Some(0)));
+    }
+
+    #[test]
+    fn order_repetition_and_dark_noise_are_repaired_and_told() {
+        let read = parse(b"420 1\n410 0.5\n400 0.25\n410 0.5\n430 -0.005\n").unwrap();
+        assert_eq!(read.table.points().collect::<Vec<_>>(), [(400.0, 0.25), (410.0, 0.5), (420.0, 1.0), (430.0, 0.0)]);
+        for code in ["spectrum.sorted", "spectrum.duplicate", "spectrum.negative"] {
+            assert_eq!(read.notices.count_of(code), 1, "{code}");
+        }
+        assert_eq!(parse(b"400 1\n410 2\n").unwrap().notices, Notices::default());
+    }
+
+    #[test]
+    fn what_cannot_be_meant_names_its_byte() {
+        let cases: [(&[u8], &str, u64); 14] = [
+            (b"", "spectrum.no_rows", 0),
+            (b"wavelength value\n", "spectrum.no_rows", 0),
+            (b"400\n410\n", "spectrum.no_rows", 0),
+            (b"400 1\nend of data\n", "spectrum.row", 6),
+            (b"400 1\n410\n", "spectrum.row", 6),
+            (b"400 1 2\n", "spectrum.row", 0),
+            (b"400,5,0,5\n", "spectrum.row", 0),
+            (b"x\n400 1\n410 1,000.5\n", "spectrum.row", 8),
+            (b"400 1\n410 nan\n", "spectrum.not_finite", 6),
+            (b"400 1\ninf 1\n", "spectrum.not_finite", 6),
+            (b"400 1\n410 -0.011\n", "spectrum.negative", 6),
+            (b"400 1\n410 1\n400 2\n", "spectrum.contradiction", 12),
+            (b"400 0\n410 0\n", "spectrum.dark", 0),
+            (b"4\x000\x000\x00", "spectrum.binary", 1),
+        ];
+        for (bytes, code, byte) in cases {
+            assert_eq!(fault(bytes), (code, Some(byte)), "{}", String::from_utf8_lossy(bytes));
+        }
+        assert_eq!(fault(&vec![b' '; MAX_BYTES + 1]), ("spectrum.too_large", None));
+    }
+
+    #[test]
+    fn every_prefix_and_every_damage_is_an_answer() {
+        let whole = b"OPTIS - Spectrum file v1.0\nWhite\n3\n360,5\t4\n4,1e2;-0.01 \n830\t4\n";
+        for length in 0..=whole.len() {
+            let _ = parse(&whole[..length]);
+            for byte in [0, b',', b'-', b'e', b'9', b'\n', 0xff] {
+                let mut damaged = whole.to_vec();
+                if let Some(at) = damaged.get_mut(length) {
+                    *at = byte;
+                }
+                if let Ok(read) = parse(&damaged) {
+                    assert!(read.table.lm_per_w().is_finite());
+                }
+            }
+        }
+    }
+}

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 pub const KM_LM_PER_W: f64 = 683.0;
 
 /// Units of length that ray files come in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[expect(missing_docs, reason = "the names say it")]
 pub enum LengthUnit {

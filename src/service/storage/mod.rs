@@ -8,6 +8,8 @@ pub mod blobs;
 pub mod parts;
 /// Rows of ray sets.
 pub mod ray_sets;
+/// Rows of spectra.
+pub mod spectra;
 
 use blobs::Blobs;
 use bytes::Bytes;
