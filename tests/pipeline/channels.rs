@@ -1,8 +1,12 @@
 //! Sources of several files, and what a user declares of each: fluxes, shares, spectra, units. Expected values are sums of
 //! closed forms, or the vendor's data sheet.
-#![expect(clippy::unwrap_used, reason = "clippy.toml allows it in #[test] functions only, and these are their tools")]
+#![expect(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "clippy.toml allows it in #[test] functions only, and these are their tools"
+)]
 
-use crate::rays::{LUMENS, WATTS, close, file, good, pass, real};
+use crate::rays::{LUMENS, WATTS, close, file, good, pass, read_all, real, sums};
 use lampwright::pipeline::rays::synthetic::{by_name, write_tm25};
 use lampwright::pipeline::rays::tm25::header::{Flags, SpectralId};
 use lampwright::pipeline::rays::{RawRay, Source, digest, read};
@@ -200,6 +204,28 @@ fn watts_and_lumens_are_one_source_where_a_spectrum_allows_it() {
     gives(&source(&[named(1.0), named(2.5)], None).unwrap(), Some(3.5), None);
 }
 
+#[test]
+fn files_of_different_kinds_become_one_source() {
+    // A table beside lumens without one: lumens are common, a spectrum is not.
+    let table = file(WATTS, SpectralId::OneTable, vec![vec![(555.0, 1.0)]], &[good()]);
+    let source = read_all(vec![table.clone(), lumens()]).unwrap();
+    assert_eq!(source.flux.radiant_w, None);
+    assert!(close(source.flux.luminous_lm.unwrap(), 1366.0 + 2.0, 1e-9));
+    assert_eq!(sums(&source).1, 0.0);
+    assert_eq!((source.spectral.column_count(), source.notices.count_of("rays.no_common_spectrum")), (0, 1));
+    // A table beside wavelengths: one basis, bands add up.
+    let red = RawRay { wavelength_nm: 655.0, radiant: 3.0, ..good() };
+    let per_ray = file(Flags { wavelength: true, ..WATTS }, SpectralId::PerRay, vec![], &[red]);
+    let source = read_all(vec![table, per_ray]).unwrap();
+    let density = source.spectral.bands_w_per_nm(&pass(&source)[3..]);
+    let band = |nm: f64| density[source.spectral.bands.band(nm).unwrap()] * 10.0;
+    assert!(close(band(555.0), 2.0, 1e-12) && close(band(655.0), 3.0, 1e-12) && band(605.0) == 0.0);
+    // Indices run on over all files.
+    let watch = StageWatch::enter(&Unwatched, Stage::Flux).unwrap();
+    let indices = source.fold(watch, vec![], |rays| Ok(rays.iter().map(|r| r.index).collect::<Vec<_>>()), Vec::extend);
+    assert_eq!(indices.unwrap(), [0, 1]);
+}
+
 /// Wavelengths per ray, one table, a table per ray and a declared table in one source: the spectrum is their sum.
 #[test]
 fn every_kind_of_spectrum_adds_up_in_one_source() {
@@ -261,6 +287,7 @@ fn two_channels_in_different_quantities_sum_in_the_model() {
     }
     let report = outcome.artifacts.iter().find(|artifact| artifact.name == "report.json").unwrap();
     let report: serde_json::Value = serde_json::from_slice(&report.bytes).unwrap();
+    assert_eq!(report["inputs"][0]["declared"]["spectrum_sha256"], serde_json::Value::Null);
     let told = &report["inputs"][1];
     assert_eq!((told["channel"].as_str(), told["spectrum"]["source"].as_str()), (Some("amber"), Some("file")));
     assert!(close(told["flux"]["radiant_W"].as_f64().unwrap(), amber_w, 1e-5));
@@ -323,6 +350,15 @@ fn osram_white_splits_in_lumens_and_in_watts_agree() {
     println!("lm 0.931 / 0.069 gives W {share:.4} / {:.4}; sheet 0.636 / 0.364", 1.0 - share);
     // Half a unit of the third digit: of 0.069 lm it is 0.7 % of the blue W, 0.0017 of the share; and 0.0005 of 0.636 itself.
     assert!((share - 0.636).abs() < 0.0022, "{share}");
+}
+
+/// LightTools' form of a white LED, 166 points after five lines of header.
+#[test]
+fn lighttools_spectrum_is_read() {
+    let Some(bytes) = real("mu_LEDWhite.txt") else { return };
+    let white = spectrum(&bytes).unwrap();
+    assert_eq!((white.format.name(), white.table.points().len()), ("LightTools .sre", 166));
+    assert_eq!((white.table.range_nm(), white.notices.iter().count()), ((393.0, 810.0), 0));
 }
 
 /// 337 lm of the header with the file's own table declared give the sheet's 0.694 W within 0.5 %.

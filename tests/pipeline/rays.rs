@@ -30,7 +30,7 @@ fn read_with(files: &[Vec<u8>], options: &Options, watch: &dyn Watch) -> Result<
     read(&inputs, options, &Limits::default(), StageWatch::enter(watch, Stage::Rays)?)
 }
 
-fn read_all(files: Vec<Vec<u8>>) -> Result<Source, Error> {
+pub fn read_all(files: Vec<Vec<u8>>) -> Result<Source, Error> {
     read_with(&files, &Options::default(), &Unwatched)
 }
 
@@ -85,7 +85,7 @@ pub fn pass(source: &Source) -> Vec<f64> {
 }
 
 /// Rays seen and sums of W and lm of one pass.
-fn sums(source: &Source) -> (u64, f64, f64) {
+pub fn sums(source: &Source) -> (u64, f64, f64) {
     let sums = pass(source);
     (sums[0] as u64, sums[1], sums[2])
 }
@@ -218,31 +218,6 @@ fn lumens_and_watts_follow_from_a_spectrum_and_from_nothing_else() {
     }
     let infrared = RawRay { wavelength_nm: 940.0, ..good() };
     assert_eq!(refused(vec![file(lumens_per_ray, SpectralId::PerRay, vec![], &[infrared])]), "rays.too_many_refused");
-}
-
-#[test]
-fn files_of_different_kinds_become_one_source_or_say_why_not() {
-    let watts = file(WATTS, SpectralId::None, vec![], &[good()]);
-    let lumens = file(LUMENS, SpectralId::None, vec![], &[good()]);
-    assert_eq!(refused(vec![watts.clone(), lumens.clone()]), "rays.no_common_quantity");
-    // A table beside lumens without one: lumens are common, a spectrum is not.
-    let table = file(WATTS, SpectralId::OneTable, vec![vec![(555.0, 1.0)]], &[good()]);
-    let source = read_all(vec![table.clone(), lumens]).unwrap();
-    assert_eq!(source.flux.radiant_w, None);
-    assert!(close(source.flux.luminous_lm.unwrap(), 1366.0 + 2.0, 1e-9));
-    assert_eq!(sums(&source).1, 0.0);
-    assert_eq!((source.spectral.column_count(), source.notices.count_of("rays.no_common_spectrum")), (0, 1));
-    // A table beside wavelengths: one basis, bands add up.
-    let red = RawRay { wavelength_nm: 655.0, radiant: 3.0, ..good() };
-    let per_ray = file(Flags { wavelength: true, ..WATTS }, SpectralId::PerRay, vec![], &[red]);
-    let source = read_all(vec![table, per_ray]).unwrap();
-    let density = source.spectral.bands_w_per_nm(&pass(&source)[3..]);
-    let band = |nm: f64| density[source.spectral.bands.band(nm).unwrap()] * 10.0;
-    assert!(close(band(555.0), 2.0, 1e-12) && close(band(655.0), 3.0, 1e-12) && band(605.0) == 0.0);
-    // Indices run on over all files.
-    let watch = StageWatch::enter(&Unwatched, Stage::Flux).unwrap();
-    let indices = source.fold(watch, vec![], |rays| Ok(rays.iter().map(|r| r.index).collect::<Vec<_>>()), Vec::extend);
-    assert_eq!(indices.unwrap(), [0, 1]);
 }
 
 /// Rays are relative where the header has a total, whichever total it has; Zemax's header is not believed.

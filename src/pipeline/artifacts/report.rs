@@ -5,14 +5,12 @@ use super::super::flux::balance::Share;
 use super::super::goniogram::Zone;
 use super::super::hull::Label;
 use super::super::model::{Model, Origin};
-use super::super::rays::declared::{Column, FluxOverride, Total};
 use super::super::vocabulary::notice::Notice;
-use super::super::vocabulary::spectrum::Table;
-use super::super::vocabulary::units::{Flux, LengthUnit, Quantity};
+use super::super::vocabulary::units::{Flux, LengthUnit};
 use super::super::{Error, Options as RunOptions};
 use super::goniograms::{Box3, FrameFacts, LatticeFacts, QualityFacts};
 use super::number::{ARRAY_DIGITS, Numbers, sum};
-use super::provenance::{GENERATOR, Generator};
+use super::provenance::{DeclaredFacts, GENERATOR, Generator};
 use super::{Artifact, json};
 use serde::Serialize;
 
@@ -99,33 +97,6 @@ struct Text<'a> {
 struct InputSpectrumFacts {
     source: &'static str,
     kind: &'static str,
-}
-
-/// What the user said of the file, and was obeyed in; null: nothing.
-#[derive(Serialize)]
-struct DeclaredFacts {
-    length_unit: Option<&'static str>,
-    quantity: Option<Quantity>,
-    columns: Option<Vec<Column>>,
-    flux: Option<FluxOverride>,
-    /// What the flux came to: itself, or its share of the source's total.
-    total: Option<Total>,
-    /// Wavelengths of the spectrum, nm.
-    spectrum_range_nm: Option<(f64, f64)>,
-}
-
-impl DeclaredFacts {
-    fn new(origin: &Origin) -> DeclaredFacts {
-        let declared = &origin.declared;
-        DeclaredFacts {
-            length_unit: declared.length_unit.map(LengthUnit::symbol),
-            quantity: declared.quantity,
-            columns: declared.columns.clone(),
-            flux: declared.flux,
-            total: origin.fixed,
-            spectrum_range_nm: declared.spectrum.as_ref().map(Table::range_nm),
-        }
-    }
 }
 
 impl<'a> InputFacts<'a> {

@@ -194,7 +194,7 @@ impl Reader {
             let remedy = "Fetch the file again if rows are missing, or correct the number.";
             return Err(Error::malformed("spectrum.count", found, remedy).at_byte(byte));
         }
-        self.to_nm()?;
+        self.settle_unit()?;
         self.repair_dark_noise()?;
         self.order()?;
         if self.discrete && self.rows.len() > 1 {
@@ -210,7 +210,7 @@ impl Reader {
     }
 
     /// µm and nm cannot be mistaken for each other: light ends at 20 µm and begins at 100 nm.
-    fn to_nm(&mut self) -> Result<(), Error> {
+    fn settle_unit(&mut self) -> Result<(), Error> {
         let within = |row: &Row, factor: f64| (LIGHT_NM.0..=LIGHT_NM.1).contains(&(row.nm * factor));
         let micrometres = self.rows.first().is_some_and(|row| within(row, NM_PER_UM));
         let factor = if micrometres { NM_PER_UM } else { 1.0 };
@@ -371,7 +371,7 @@ mod tests {
         let continuous = parse(file("continuous", "radiometric").as_bytes()).unwrap();
         assert_eq!(continuous.format, SpectrumFormat::LightTools);
         assert_eq!(continuous.table.points().collect::<Vec<_>>(), [(400.0, 0.5), (450.0, 1.0)]);
-        assert_eq!(fault(file("continuous", "photometric").as_bytes()), ("spectrum.photometric", Some(51)));
+        assert_eq!(fault(file("continuous", "photometric").as_bytes()), ("spectrum.photometric", Some(49)));
         // Two lines, a third and two thirds of the flux.
         let lines = parse(file("discrete", "radiometric").as_bytes()).unwrap();
         assert_eq!(lines.notices.count_of("spectrum.lines"), 1);
