@@ -23,7 +23,7 @@ pub use config::{Config, Role};
 
 use api::Api;
 use axum::Router;
-use jobs::options::JobOptions;
+use jobs::channels::NewJob;
 use jobs::queue::{self, Queue};
 use jobs::worker::{Runner, Worker, pipeline_runner};
 use std::fs::{File, TryLockError};
@@ -180,7 +180,7 @@ impl Service {
         let taken = self.api.intake.take(announcement, ReaderStream::new(reader)).await?;
         let mut submitted = Vec::new();
         for ray_set in taken.ray_sets.into_iter().map(|ray_set| ray_set.id) {
-            let job = self.api.queue.enqueue(std::slice::from_ref(&ray_set), &JobOptions::default()).await?;
+            let job = self.api.queue.enqueue(&NewJob::of(&ray_set)).await?;
             submitted.push(Submitted { ray_set, job });
         }
         Ok(submitted)

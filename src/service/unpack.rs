@@ -77,9 +77,9 @@ impl Unpacking {
     /// Stores a file in the packed one as a ray set to be.
     fn keep(&self, name: &str, member: &mut Member<'_>) -> Result<Draft, Error> {
         let id = new_id();
-        let kept = self
-            .store(&id, name, member)
-            .and_then(|stored| self.runtime.block_on(self.intake.draft(stored, Some(self.packed.clone()), self.gone.clone())));
+        let kept = self.store(&id, name, member).and_then(|stored| {
+            self.runtime.block_on(self.intake.draft(stored, Some(self.packed.clone()), self.gone.clone()))
+        });
         kept.inspect_err(|_| self.runtime.block_on(self.intake.forget(&id)))
     }
 

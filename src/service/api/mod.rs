@@ -8,6 +8,8 @@ pub mod problem;
 pub mod ranges;
 /// Ray files.
 pub mod ray_sets;
+/// Spectra of channels.
+pub mod spectra;
 /// What is to be computed.
 pub mod jobs;
 /// What a job gave.
@@ -80,6 +82,7 @@ pub struct Binary(#[expect(dead_code, reason = "a schema, never a value")] Vec<u
     ),
     tags(
         (name = "ray sets", description = "Ray files, as they came"),
+        (name = "spectra", description = "Spectra of channels, from files of their own"),
         (name = "jobs", description = "What is to be computed, how far it is, and why it failed"),
         (name = "artifacts", description = "What a job gave"),
         (name = "health", description = "Whether the service lives and works"),
@@ -95,6 +98,9 @@ fn routes() -> OpenApiRouter<Api> {
         .routes(routes!(ray_sets::get))
         .routes(routes!(ray_sets::origins))
         .routes(routes!(ray_sets::far_field))
+        .routes(routes!(spectra::upload))
+        .routes(routes!(spectra::list))
+        .routes(routes!(spectra::get))
         .routes(routes!(jobs::create))
         .routes(routes!(jobs::list))
         .routes(routes!(jobs::get))
@@ -104,6 +110,7 @@ fn routes() -> OpenApiRouter<Api> {
     // Always admitted: a full service must still be told to do less, and say that it lives.
     let relief = OpenApiRouter::new()
         .routes(routes!(ray_sets::delete))
+        .routes(routes!(spectra::delete))
         .routes(routes!(jobs::cancel))
         .routes(routes!(jobs::delete))
         .routes(routes!(health::live))

@@ -12,6 +12,8 @@ pub mod ray_sets;
 pub mod inspections;
 /// Blobs that no row names.
 pub mod garbage;
+/// Rows of spectra.
+pub mod spectra;
 
 use blobs::Blobs;
 use bytes::Bytes;
