@@ -2,9 +2,10 @@
 //! there is something to look at within seconds.
 
 use super::Failure;
+use crate::pipeline::Limits;
 use crate::pipeline::rays::synthetic;
 use crate::service::telemetry::{self, LogFormat};
-use crate::service::{Config, Service, StartError, Submitted};
+use crate::service::{Config, Role, Service, StartError, Submitted};
 use axum::Router;
 use axum::body::{Body, to_bytes};
 use axum::http::Request;
@@ -32,18 +33,36 @@ pub struct Arguments {
     /// Folder for everything that outlives the process; made if missing.
     #[arg(long, env = "LAMPWRIGHT_DATA", default_value = "data", value_name = "DIR")]
     data: PathBuf,
+    /// The database: sqlite:FILE or postgres://USER:PASSWORD@HOST/NAME [default: sqlite:DIR/service.db].
+    #[arg(long, env = "DATABASE_URL", value_name = "URL", hide_env_values = true)]
+    database_url: Option<String>,
+    /// The object store: file:DIR or s3://BUCKET/PREFIX, with AWS_* as usual [default: file:DIR/blobs].
+    #[arg(long, env = "STORAGE_URL", value_name = "URL")]
+    storage_url: Option<String>,
+    /// What this process does.
+    #[arg(long, env = "ROLE", value_enum, default_value_t)]
+    role: Part,
     /// Jobs computed at once [default: 2].
     #[arg(long, env = "LAMPWRIGHT_JOBS", value_name = "N", value_parser = at_least_one)]
     jobs: Option<usize>,
     /// Threads each job computes on [default: as many as the machine has].
     #[arg(long, env = "LAMPWRIGHT_THREADS", value_name = "N", value_parser = at_least_one)]
     threads: Option<usize>,
-    /// Largest ray file taken, bytes [default: 64 GiB].
+    /// Largest file taken, and most bytes that a packed one may unpack to [default: 64 GiB].
     #[arg(long, env = "LAMPWRIGHT_MAX_UPLOAD", value_name = "BYTES")]
     max_upload: Option<u64>,
     /// Seconds that running jobs and open connections get when the service stops [default: 10].
     #[arg(long, env = "LAMPWRIGHT_GRACE", value_name = "SECONDS")]
     grace: Option<u64>,
+    /// How often a job may be begun before it counts as what kills its worker [default: 3].
+    #[arg(long, env = "LAMPWRIGHT_ATTEMPTS", value_name = "N", value_parser = at_least_one)]
+    attempts: Option<usize>,
+    /// Seconds that a worker may be silent before its job is given to another [default: 30].
+    #[arg(long, env = "LAMPWRIGHT_LEASE", value_name = "SECONDS", value_parser = at_least_one)]
+    lease: Option<usize>,
+    /// Seconds for which nothing was written where a blob is that no row names, before it is deleted [default: 86400].
+    #[arg(long, env = "LAMPWRIGHT_GARBAGE_AGE", value_name = "SECONDS", value_parser = at_least_one)]
+    garbage_age: Option<usize>,
     /// Do not begin an empty data folder with a known source.
     #[arg(long, env = "LAMPWRIGHT_NO_SAMPLE")]
     no_sample: bool,
@@ -53,6 +72,17 @@ pub struct Arguments {
     /// How log lines look.
     #[arg(long, env = "LAMPWRIGHT_LOG_FORMAT", value_enum, default_value_t)]
     log_format: LogLines,
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+enum Part {
+    /// Answer clients; compute nothing.
+    Api,
+    /// Compute; answer only whether it is well.
+    Worker,
+    /// Both.
+    #[default]
+    All,
 }
 
 #[derive(Clone, Copy, Default, ValueEnum)]
@@ -71,11 +101,24 @@ fn at_least_one(text: &str) -> Result<usize, String> {
 impl Arguments {
     fn config(&self) -> Config {
         let defaults = Config::new(&self.data);
+        let seconds = |given: Option<usize>, default| given.map_or(default, |count| Duration::from_secs(count as u64));
+        let max_upload_bytes = self.max_upload.unwrap_or(defaults.max_upload_bytes);
         Config {
+            role: match self.role {
+                Part::Api => Role::Api,
+                Part::Worker => Role::Worker,
+                Part::All => Role::All,
+            },
+            database_url: self.database_url.clone(),
+            storage_url: self.storage_url.clone(),
+            max_attempts: self.attempts.map_or(defaults.max_attempts, |count| u32::try_from(count).unwrap_or(u32::MAX)),
+            lease: seconds(self.lease, defaults.lease),
+            garbage_age: seconds(self.garbage_age, defaults.garbage_age),
             listen: self.listen,
             concurrency: self.jobs.unwrap_or(defaults.concurrency),
             threads: self.threads.unwrap_or(defaults.threads),
-            max_upload_bytes: self.max_upload.unwrap_or(defaults.max_upload_bytes),
+            max_upload_bytes,
+            limits: Limits { max_expanded_bytes: max_upload_bytes, ..defaults.limits },
             grace: self.grace.map_or(defaults.grace, Duration::from_secs),
             ..defaults
         }
@@ -104,7 +147,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 async fn serve(arguments: &Arguments) -> Result<(), Failure> {
     let stop = stopping()?;
-    let service = Service::start(arguments.config()).await?;
+    let config = arguments.config();
+    // A database of its own is a first start; one that others share is not to be filled by each of them.
+    let unwanted = arguments.no_sample || !config.is_alone();
+    let service = Service::start(config).await?;
     let site = format!("http://{}", reachable(service.address()));
     println!("Lampwright {} is at {site}", env!("CARGO_PKG_VERSION"));
     println!("  documentation   {site}/docs");
@@ -112,7 +158,7 @@ async fn serve(arguments: &Arguments) -> Result<(), Failure> {
     if !service.address().ip().is_loopback() {
         tracing::warn!(address = %service.address(), "whoever reaches this address can use it: no keys are asked for");
     }
-    if let Some(sample) = begin(&service, arguments.no_sample).await? {
+    if let Some(sample) = begin(&service, unwanted).await? {
         println!("  built-in sample {site}/v1/jobs/{}  ({SAMPLE}, {SAMPLE_RAYS} rays)", sample.job);
         tokio::spawn(tell_when_done(service.router(), site, sample));
     }
@@ -130,7 +176,7 @@ async fn begin(service: &Service, unwanted: bool) -> Result<Option<Submitted>, F
     let mut bytes = Vec::new();
     synthetic::write_tm25(&source, SAMPLE_RAYS, 1, &mut bytes).map_err(|error| failed(error.to_string()))?;
     let submitted = service.submit(&format!("{SAMPLE}.tm25ray"), bytes.as_slice()).await;
-    submitted.map(Some).map_err(|error| failed(error.to_string()))
+    Ok(submitted.map_err(|error| failed(error.to_string()))?.pop())
 }
 
 /// Says where the sample's model is, once it is, or why there is none.
@@ -185,7 +231,10 @@ impl From<StartError> for Failure {
             StartError::Folder { .. } => ("serve.folder", "Name another with --data, or see to its permissions."),
             StartError::Locked(_) => ("serve.locked", "Stop the other process, or name another folder with --data."),
             StartError::Listen { .. } => ("serve.listen", "Name another with --listen; port 0 takes any free one."),
-            StartError::Storage(_) => ("serve.storage", "See that the data folder is whole and has room."),
+            StartError::Storage(_) => (
+                "serve.storage",
+                "See that the data folder is whole and has room, and that the engines named by DATABASE_URL and STORAGE_URL answer.",
+            ),
             StartError::Threads(_) => ("serve.threads", "Give fewer with --threads or --jobs."),
         };
         Failure::failed(code, error.to_string(), remedy)

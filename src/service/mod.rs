@@ -4,31 +4,38 @@
 pub mod config;
 /// Logs.
 pub mod telemetry;
+/// Points at which a test makes the process die.
+pub mod crash;
+/// Which cryptography TLS uses.
+pub mod tls;
 /// What outlives the process: rows and blobs.
 pub mod storage;
 /// Takes in a ray file.
 pub mod upload;
+/// What is in a packed one.
+mod unpack;
 /// What is to be computed, and who computes it.
 pub mod jobs;
 /// The service's face.
 pub mod api;
 
-pub use config::Config;
+pub use config::{Config, Role};
 
 use api::Api;
 use axum::Router;
-use jobs::options::JobOptions;
+use jobs::channels::NewJob;
 use jobs::queue::{self, Queue};
 use jobs::worker::{Runner, Worker, pipeline_runner};
 use std::fs::{File, TryLockError};
 use std::io;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use storage::Storage;
+use std::time::Duration;
+use storage::{Storage, garbage};
 use tokio::io::AsyncRead;
 use tokio::net::TcpListener;
 use tokio::task::JoinSet;
-use tokio::time::{Instant, timeout, timeout_at};
+use tokio::time::{Instant, MissedTickBehavior, interval, timeout, timeout_at};
 use tokio_util::io::ReaderStream;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
@@ -75,7 +82,7 @@ pub enum SubmitError {
     Queue(#[from] queue::Error),
 }
 
-/// What [`Service::submit`] made.
+/// What [`Service::submit`] made of a ray file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Submitted {
     /// The ray set's identifier.
@@ -93,8 +100,10 @@ pub struct Service {
     address: SocketAddr,
     slots: JoinSet<()>,
     release: CancellationToken,
+    /// Looks for garbage as long as the service lives.
+    _garbage: AbortOnDropHandle<()>,
     /// Held as long as the service lives: proves that nobody else works in the data folder.
-    _lock: File,
+    _lock: Option<File>,
 }
 
 impl Service {
@@ -111,13 +120,18 @@ impl Service {
     /// # Errors
     /// [`StartError`].
     pub async fn start_with(config: Config, runner: Runner) -> Result<Service, StartError> {
-        let lock = lock(&config.data)?;
+        tls::install();
+        let lock = if config.is_alone() { Some(lock(&config.data)?) } else { None };
         let storage = Storage::open(&config.database_url(), &config.storage_url()).await?;
         let queue = Queue::new(storage.clone(), config.lease, config.max_attempts);
-        // The lock proves that whoever ran these jobs and wrote these blobs is gone.
-        queue.recover().await?;
-        let swept = storage.sweep().await?;
-        tracing::info!(data = %config.data.display(), swept, "storage opened");
+        if lock.is_some() {
+            // The lock proves that whoever ran these jobs and wrote these blobs is gone. Where there is none, leases and
+            // the age of what lies about say it later.
+            queue.recover().await?;
+            garbage::collect(&storage, Duration::ZERO).await?;
+        }
+        tracing::info!(alone = lock.is_some(), role = ?config.role, "storage opened");
+        let garbage = AbortOnDropHandle::new(tokio::spawn(collect_garbage(storage.clone(), config.clone())));
         let listen = |error| StartError::Listen { address: config.listen, error };
         let listener = TcpListener::bind(config.listen).await.map_err(listen)?;
         let address = listener.local_addr().map_err(listen)?;
@@ -133,11 +147,14 @@ impl Service {
             stop: stop.clone(),
             release: release.clone(),
         };
-        let slots = worker.spawn(config.concurrency, config.threads)?;
+        let slots = match config.role.computes() {
+            true => worker.spawn(config.concurrency, config.threads)?,
+            false => JoinSet::new(),
+        };
         let (max_bytes, idle, limits) = (config.max_upload_bytes, config.upload_idle, config.limits);
         let intake = Intake { storage: storage.clone(), max_bytes, idle, limits };
         let api = Api { storage, queue, intake, draining: stop };
-        Ok(Service { config, api, listener, address, slots, release, _lock: lock })
+        Ok(Service { config, api, listener, address, slots, release, _garbage: garbage, _lock: lock })
     }
 
     /// Where it listens.
@@ -147,18 +164,26 @@ impl Service {
 
     /// Its face, for requests that come from within.
     pub fn router(&self) -> Router {
-        api::router(self.api.clone())
+        match self.config.role.answers() {
+            true => api::router(self.api.clone()),
+            false => api::health_router(self.api.clone()),
+        }
     }
 
-    /// Takes in a ray file and queues a job with default options, the way any client's would be.
+    /// Takes in a ray file, or the ray files in a packed one, and queues a job for each with default options, the way any
+    /// client's would be.
     ///
     /// # Errors
-    /// [`SubmitError`]; nothing is left behind, but for the ray set when only the job fails.
-    pub async fn submit(&self, name: &str, reader: impl AsyncRead) -> Result<Submitted, SubmitError> {
+    /// [`SubmitError`]; nothing is left behind, but for ray sets when only a job fails.
+    pub async fn submit(&self, name: &str, reader: impl AsyncRead) -> Result<Vec<Submitted>, SubmitError> {
         let announcement = Announcement { name: name.to_owned(), ..Announcement::default() };
-        let ray_set = self.api.intake.take(announcement, ReaderStream::new(reader)).await?.id;
-        let job = self.api.queue.enqueue(std::slice::from_ref(&ray_set), &JobOptions::default()).await?;
-        Ok(Submitted { ray_set, job })
+        let taken = self.api.intake.take(announcement, ReaderStream::new(reader)).await?;
+        let mut submitted = Vec::new();
+        for ray_set in taken.ray_sets.into_iter().map(|ray_set| ray_set.id) {
+            let job = self.api.queue.enqueue(&NewJob::of(&ray_set)).await?;
+            submitted.push(Submitted { ray_set, job });
+        }
+        Ok(submitted)
     }
 
     /// True when it has neither ray sets nor jobs: nobody has used this data folder yet.
@@ -199,6 +224,20 @@ impl Service {
         self.api.storage.records.close().await;
         tracing::info!("stopped");
         Ok(())
+    }
+}
+
+/// Deletes what no row names, again and again.
+async fn collect_garbage(storage: Storage, config: Config) {
+    let mut ticker = interval(config.garbage_period());
+    ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        ticker.tick().await;
+        match garbage::collect(&storage, config.garbage_age).await {
+            Ok(0) => {}
+            Ok(blobs) => tracing::info!(blobs, "deleted blobs that no row names"),
+            Err(error) => tracing::warn!(%error, "cannot look for garbage; trying again later"),
+        }
     }
 }
 

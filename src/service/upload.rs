@@ -1,13 +1,17 @@
-//! Takes in a ray file: counts, hashes, judges and stores it while it streams by. Memory does not grow with the file: what
-//! is not yet a stored part is at most one part.
+//! Takes in a ray file, or several in a packed one: counts, hashes, judges and stores it while it streams by. Memory does not
+//! grow with the file: what is not yet a stored part is at most one part. A packed file is stored as it comes and unpacked
+//! when all of it is there: its digest covers what was sent.
 
+use super::crash;
 use super::jobs::worker::hex;
+use super::storage::inspections::{Drawing, Inspection};
 use super::storage::parts::{Part, Parts};
-use super::storage::ray_sets::{self, RaySet};
+use super::storage::ray_sets::{self, Draft, Packed, RaySet};
 use super::storage::{self, Storage, new_id, ray_set_folder};
-use crate::pipeline::{self, Declared, Input, Limits};
+use crate::pipeline::{self, Artifact, Declared, Input, Limits, Stage, Watch};
 use bytes::{Bytes, BytesMut};
 use futures::{Stream, StreamExt};
+use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::fmt::Display;
 use std::pin::pin;
@@ -16,6 +20,7 @@ use std::time::Duration;
 use tokio::runtime::Handle;
 use tokio::task::spawn_blocking;
 use tokio::time::timeout;
+use tokio_util::sync::CancellationToken;
 
 /// Length of every part but the last, bytes.
 pub const PART_BYTES: usize = 8 << 20;
@@ -48,9 +53,49 @@ pub enum Error {
     /// Not a ray file, or one that we refuse.
     #[error(transparent)]
     Unfit(#[from] pipeline::Error),
+    /// A packed file that cannot be unpacked, or may not.
+    #[error(transparent)]
+    Packed(pipeline::Error),
+    /// A packed file without a ray file.
+    #[error("no ray file in it")]
+    NoRayFile(Vec<LeftOut>),
     /// A store did not answer.
     #[error(transparent)]
     Storage(#[from] storage::Error),
+}
+
+/// A file in a packed one that is no ray set, and why.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, utoipa::ToSchema)]
+pub struct LeftOut {
+    /// Its name in the packed file.
+    pub name: String,
+    /// Stable: programs may depend on it.
+    pub code: String,
+    /// What was found, and what to do.
+    pub detail: String,
+}
+
+/// What came of an upload.
+#[derive(Clone, Debug)]
+pub struct Taken {
+    /// The ray sets, one or more; they became known together.
+    pub ray_sets: Vec<RaySet>,
+    /// What else was in a packed file.
+    pub left_out: Vec<LeftOut>,
+}
+
+/// One file, stored and not known yet.
+pub(super) struct Stored {
+    /// Of the ray set that it becomes; its blobs are in that folder.
+    pub id: String,
+    /// What it is called.
+    pub name: String,
+    /// SHA-256 of its bytes, hex.
+    pub sha256: String,
+    /// It is no ray file but may hold some.
+    pub is_packed: bool,
+    byte_count: u64,
+    parts: Vec<Part>,
 }
 
 /// What a sender says of a file before its bytes.
@@ -62,6 +107,16 @@ pub struct Announcement {
     pub byte_count: Option<u64>,
     /// Its SHA-256, hex, as often as it was said.
     pub sha256: Vec<String>,
+    /// Cancelled when the sender no longer waits for the answer: its rays need not be read to their end.
+    pub gone: CancellationToken,
+}
+
+/// What a whole file turned out to be.
+struct Described {
+    /// What it says of itself, as JSON.
+    header: String,
+    /// What its rays say.
+    inspection: Inspection,
 }
 
 /// Takes files in. Cheap to clone.
@@ -78,32 +133,56 @@ pub struct Intake {
 }
 
 impl Intake {
-    /// Takes in one file, all of it or nothing.
+    /// Takes in one file, all of it or nothing; a packed one gives a ray set for each ray file in it.
     ///
     /// # Errors
-    /// [`Error`]; nothing is left behind, unless the database failed as the ray set was made known: it may then be known.
+    /// [`Error`]; nothing is left behind, unless the database failed as the ray sets were made known: they may then be known.
     pub async fn take<E: Display>(
         &self,
         announcement: Announcement,
         body: impl Stream<Item = Result<Bytes, E>>,
-    ) -> Result<RaySet, Error> {
+    ) -> Result<Taken, Error> {
         let id = new_id();
-        let (ray_set, parts) = match self.receive(&id, announcement, body).await {
-            Ok(received) => received,
+        let gone = announcement.gone.clone();
+        let stored = match self.receive(&id, announcement, body).await {
+            Ok(stored) => stored,
             Err(error) => {
                 self.forget(&id).await;
                 return Err(error);
             }
         };
-        // From here on the row may be there, whatever the answer: only the sweep of the next start can tell.
-        let known = ray_sets::insert(&self.storage.records, ray_set, &parts).await;
-        Ok(known.inspect_err(|error| {
-            tracing::error!(ray_set = id, %error, "an upload may or may not be known; its blobs stay until the next start");
-        })?)
+        let (drafts, left_out) = self.drafts(stored, gone).await?;
+        // From here on the rows may be there, whatever the answer: only the sweep of garbage can tell.
+        let known = ray_sets::insert(&self.storage.records, drafts).await;
+        let ray_sets = known.inspect_err(|error| {
+            tracing::error!(upload = id, %error, "an upload may or may not be known; its blobs stay until they are swept");
+        })?;
+        Ok(Taken { ray_sets, left_out })
+    }
+
+    /// The ray sets that a stored file is to be: itself, or those in it when it is packed. Its own blobs are then gone, as they
+    /// are when this fails. Stops when its client is `gone`.
+    ///
+    /// # Errors
+    /// [`Error`]; nothing is left behind.
+    pub(super) async fn drafts(
+        &self,
+        stored: Stored,
+        gone: CancellationToken,
+    ) -> Result<(Vec<Draft>, Vec<LeftOut>), Error> {
+        let (id, is_packed) = (stored.id.clone(), stored.is_packed);
+        let drafts = match is_packed {
+            true => self.unpack(stored, gone).await,
+            false => self.draft(stored, None, gone).await.map(|draft| (vec![draft], Vec::new())),
+        };
+        if is_packed || drafts.is_err() {
+            self.forget(&id).await;
+        }
+        drafts
     }
 
     /// Deletes the blobs of a ray set that no row names. Should this fail too, the next start sweeps them.
-    async fn forget(&self, id: &str) {
+    pub(super) async fn forget(&self, id: &str) {
         if let Err(error) = self.storage.blobs.delete_all(&ray_set_folder(id)).await {
             tracing::warn!(ray_set = id, %error, "blobs of an unfinished upload stay until the next start");
         }
@@ -115,41 +194,84 @@ impl Intake {
         id: &str,
         announcement: Announcement,
         body: impl Stream<Item = Result<Bytes, E>>,
-    ) -> Result<(RaySet, Vec<Part>), Error> {
+    ) -> Result<Stored, Error> {
         let mut body = pin!(body);
         let mut spool = Spool::new(self, id, announcement.byte_count);
         while let Some(chunk) = timeout(self.idle, body.next()).await.map_err(|_| Error::Idle(self.idle))? {
             spool.push(&chunk.map_err(|error| Error::Truncated(error.to_string()))?).await?;
         }
-        let (parts, byte_count, sha256) = spool.end().await?;
-        if let Some(announced) = announcement.sha256.into_iter().find(|announced| *announced != sha256) {
-            return Err(Error::Digest { announced, found: sha256 });
+        let stored = spool.end(announcement.name).await?;
+        match announcement.sha256.into_iter().find(|announced| *announced != stored.sha256) {
+            Some(announced) => Err(Error::Digest { announced, found: stored.sha256 }),
+            None => Ok(stored),
         }
-        let bytes = Parts::new(self.storage.blobs.clone(), parts.clone(), Handle::current());
-        let input = Input {
-            name: announcement.name.clone(),
-            sha256: sha256.clone(),
-            bytes: Arc::new(bytes),
-            declared: Declared::default(),
-        };
-        let header = self.header(input).await?;
-        let ray_set = RaySet { id: id.to_owned(), name: announcement.name, byte_count, sha256, header, created_ms: 0 };
-        Ok((ray_set, parts))
     }
 
-    /// What the whole file says of itself, as JSON.
-    async fn header(&self, input: Input) -> Result<String, Error> {
+    /// The ray set that a stored file is to be, with what the whole file says of itself.
+    pub(super) async fn draft(
+        &self,
+        stored: Stored,
+        packed: Option<Packed>,
+        gone: CancellationToken,
+    ) -> Result<Draft, Error> {
+        let input = Input {
+            name: stored.name.clone(),
+            sha256: stored.sha256.clone(),
+            bytes: Arc::new(self.read(&stored)),
+            declared: Declared::default(),
+        };
+        let Described { header, inspection } = self.inspect_and_describe(input, gone).await?;
+        let Stored { id, name, sha256, byte_count, parts, .. } = stored;
+        let ray_set = RaySet { id, name, byte_count, sha256, header, packed, created_ms: 0 };
+        Ok(Draft { ray_set, parts, inspection })
+    }
+
+    /// The bytes of a stored file.
+    pub(super) fn read(&self, stored: &Stored) -> Parts {
+        Parts::new(self.storage.blobs.clone(), stored.parts.clone(), Handle::current())
+    }
+
+    /// Reads the whole file once, on a thread that may block, until `gone`.
+    async fn inspect_and_describe(&self, input: Input, gone: CancellationToken) -> Result<Described, Error> {
         let limits = self.limits;
-        let header = spawn_blocking(move || {
-            let header = pipeline::header(&input, &limits)?;
-            serde_json::to_string(&header).map_err(|error| pipeline::Error::Unreadable(error.into()))
-        });
-        Ok(header.await.map_err(|error| pipeline::Error::Unreadable(std::io::Error::other(error)))??)
+        let described = spawn_blocking(move || describe(&input, &limits, &Until(gone)));
+        Ok(described.await.map_err(|error| pipeline::Error::Unreadable(std::io::Error::other(error)))??)
+    }
+}
+
+/// Inspects a file and draws what was found.
+fn describe(input: &Input, limits: &Limits, watch: &dyn Watch) -> Result<Described, pipeline::Error> {
+    let found = pipeline::inspect(input, limits, watch)?;
+    let unwritable = |error: serde_json::Error| pipeline::Error::Unreadable(error.into());
+    let mut header = found.header.clone();
+    header.texts.clear();
+    let drawing = |drawing: Artifact| Drawing {
+        sha256: hex(&Sha256::digest(&drawing.bytes)),
+        svg: String::from_utf8_lossy(&drawing.bytes).into_owned(),
+        name: drawing.name,
+    };
+    Ok(Described {
+        header: serde_json::to_string(&header).map_err(unwritable)?,
+        inspection: Inspection {
+            json: serde_json::to_string(&found).map_err(unwritable)?,
+            drawings: pipeline::drawings(&found, &input.name).into_iter().map(drawing).collect(),
+        },
+    })
+}
+
+/// Watches an inspection on behalf of a client that may go away.
+struct Until(CancellationToken);
+
+impl Watch for Until {
+    fn progress(&self, _stage: Stage, _fraction: f64) {}
+
+    fn cancelled(&self) -> bool {
+        self.0.is_cancelled()
     }
 }
 
 /// The part being filled, and what is known of those before it.
-struct Spool<'a> {
+pub(super) struct Spool<'a> {
     intake: &'a Intake,
     id: &'a str,
     announced: Option<u64>,
@@ -158,15 +280,30 @@ struct Spool<'a> {
     byte_count: u64,
     sha256: Sha256,
     judged: bool,
+    is_packed: bool,
 }
 
 impl<'a> Spool<'a> {
-    fn new(intake: &'a Intake, id: &'a str, announced: Option<u64>) -> Spool<'a> {
-        let buffer = BytesMut::new();
-        Spool { intake, id, announced, buffer, parts: Vec::new(), byte_count: 0, sha256: Sha256::new(), judged: false }
+    /// Nothing stored yet; `announced` is the file's length, where known.
+    pub fn new(intake: &'a Intake, id: &'a str, announced: Option<u64>) -> Spool<'a> {
+        Spool {
+            intake,
+            id,
+            announced,
+            buffer: BytesMut::new(),
+            parts: Vec::new(),
+            byte_count: 0,
+            sha256: Sha256::new(),
+            judged: false,
+            is_packed: false,
+        }
     }
 
-    async fn push(&mut self, chunk: &[u8]) -> Result<(), Error> {
+    /// Takes the next bytes.
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`], [`Error::Unfit`], [`Error::Storage`].
+    pub async fn push(&mut self, chunk: &[u8]) -> Result<(), Error> {
         self.byte_count += chunk.len() as u64;
         if self.byte_count > self.intake.max_bytes {
             return Err(Error::TooLarge(self.intake.max_bytes));
@@ -187,7 +324,11 @@ impl<'a> Spool<'a> {
         Ok(())
     }
 
-    async fn end(mut self) -> Result<(Vec<Part>, u64, String), Error> {
+    /// Stores the last part.
+    ///
+    /// # Errors
+    /// As [`Spool::push`]; [`Error::Truncated`], [`Error::Empty`].
+    pub async fn end(mut self, name: String) -> Result<Stored, Error> {
         if self.announced.is_some_and(|announced| announced != self.byte_count) {
             return Err(Error::Truncated(format!("{} bytes came", self.byte_count)));
         }
@@ -199,14 +340,20 @@ impl<'a> Spool<'a> {
         if !self.buffer.is_empty() {
             self.store().await?;
         }
-        Ok((self.parts, self.byte_count, hex(&self.sha256.finalize())))
+        let sha256 = hex(&self.sha256.finalize());
+        let Spool { id, byte_count, parts, is_packed, .. } = self;
+        Ok(Stored { id: id.to_owned(), name, sha256, is_packed, byte_count, parts })
     }
 
-    /// Looks at the beginning, once: a wrong file is refused before its gigabytes are sent.
+    /// Looks at the beginning, once: a wrong file is refused before its gigabytes are sent. What is in a packed one is judged
+    /// when it is unpacked.
     fn judge(&mut self) -> Result<(), Error> {
         if !self.judged {
             let prefix = self.buffer.get(..PREFIX_BYTES).unwrap_or(&self.buffer);
-            pipeline::peek(prefix, self.announced, &self.intake.limits)?;
+            self.is_packed = pipeline::packing(prefix).is_some();
+            if !self.is_packed {
+                pipeline::peek(prefix, self.announced, &self.intake.limits)?;
+            }
             self.judged = true;
         }
         Ok(())
@@ -219,6 +366,7 @@ impl<'a> Spool<'a> {
             byte_count: bytes.len() as u64,
         };
         self.intake.storage.blobs.put(&part.blob, bytes).await?;
+        crash::point("upload.part_stored");
         self.parts.push(part);
         Ok(())
     }

@@ -3,6 +3,10 @@
 
 #![expect(clippy::unwrap_used, clippy::panic, reason = "what a test stumbles over is its finding")]
 
+#[path = "../support/engines.rs"]
+mod engines;
+#[path = "../support/packing.rs"]
+mod packing;
 #[path = "../support/rays.rs"]
 mod rays;
 #[path = "../support/runners.rs"]
@@ -14,8 +18,14 @@ mod site;
 mod walk;
 /// What is taken in, and what is not.
 mod uploads;
+/// What comes packed.
+mod packed;
 /// Every way to ask wrongly.
 mod requests;
+/// What an upload answers of its rays.
+mod inspections;
+/// Spectra, and what is said of channels.
+mod channels;
 /// Queue, cancellation, deletion, pages.
 mod jobs;
 /// What processes and stores do to jobs.

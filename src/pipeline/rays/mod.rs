@@ -1,13 +1,19 @@
 //! 1. Files to rays.
 
+/// Files as vendors ship them: gzip, zstd, zip.
+pub mod container;
 /// Bounded reading: every failure knows its offset, no count is trusted.
 pub mod bytes;
 /// Which format a file is, from content alone.
 pub mod detect;
+/// What is no ray file, or none with a public layout.
+mod foreign;
 /// IES TM-25 ray files.
 pub mod tm25;
 /// Zemax / OpticStudio binary source files.
 pub mod zemax;
+/// Records of binary32 numbers, as most binary formats have them.
+mod floats;
 /// LightTools binary ray files.
 mod lighttools;
 /// Speos / OPTIS ray files.
@@ -16,6 +22,8 @@ mod speos;
 mod asap;
 /// Text: lines at random access, shared by every text format.
 mod lines;
+/// Rows of numbers at random access, shared by every text format.
+mod rows;
 /// LightTools text ray files.
 mod lighttools_text;
 /// Zemax text ray files.
@@ -24,8 +32,12 @@ mod zemax_text;
 mod prosource_text;
 /// Rays in columns of numbers, named or not: CSV and the like.
 mod columns;
+/// What people call the columns of a ray.
+mod column_names;
 /// What a user says of a file, before the file's own word.
 pub mod declared;
+/// The spectrum of a channel from a file of its own.
+pub mod spectrum_file;
 /// What a ray must satisfy.
 pub mod check;
 /// From stored numbers to W and lm.
@@ -34,10 +46,12 @@ mod conversion;
 mod chunks;
 /// One reading of everything: totals, box, directions, notices.
 pub mod survey;
-/// Which totals are known, and whether they can be meant.
+/// Whether totals can be meant.
 mod totals;
 /// Which spectral bands a source gets.
 mod bands;
+/// What several files must satisfy to be one source.
+pub mod channels;
 /// Several ray sets become one source; the only way to its rays.
 pub mod source;
 /// What can be said of a file before a model is made of it.
@@ -52,16 +66,16 @@ pub mod convert;
 pub mod synthetic;
 
 pub use bytes::digest;
-pub use declared::Declared;
+pub use declared::{Declared, Total};
 pub use source::{Ray, Source};
 
-use super::Error;
+use super::error::{Error, Place};
 use super::vocabulary::limits::Limits;
 use super::vocabulary::notice::Notices;
 use super::vocabulary::spectrum::Table;
 use super::vocabulary::units::{Flux, LengthUnit};
 use super::vocabulary::watch::StageWatch;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::io;
 use std::sync::Arc;
 
@@ -106,26 +120,36 @@ pub struct Input {
     pub declared: Declared,
 }
 
+impl Input {
+    /// What its channel is called.
+    pub fn channel_name(&self) -> &str {
+        self.declared.name.as_deref().unwrap_or(&self.name)
+    }
+}
+
 /// How rays are read.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Options {
     /// Edges of the spectral bands, nm, strictly increasing. Default: 380..780 in 10 nm, wider (at whole 10 nm) where the rays
     /// are.
     pub band_edges_nm: Option<Vec<f64>>,
+    /// Total flux of the source, of which every channel declares its share. Default: the channels' own fluxes hold.
+    pub total: Option<Total>,
 }
 
 impl Options {
-    /// Whether the bands can be made.
+    /// Whether the bands can be made and the total can be a flux.
     ///
     /// # Errors
     /// [`Error::Unusable`].
     pub fn validate(&self) -> Result<(), Error> {
+        self.total.map_or(Ok(()), |total| total.validate(Place::Total))?;
         bands::asked(self).map(|_| ())
     }
 }
 
 /// File formats we read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Format {
     /// IES TM-25-13 / -20.
     #[serde(rename = "IES TM-25")]
@@ -174,7 +198,7 @@ impl Format {
 }
 
 /// Which total is right (`FORMATS.md` 7).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TotalRule {
     /// The header's; ray values are relative.
@@ -199,6 +223,17 @@ pub enum SpectralData {
 }
 
 impl SpectralData {
+    /// What it is, in words.
+    pub fn name(&self) -> &'static str {
+        match self {
+            SpectralData::None => "none",
+            SpectralData::Table(_) => "table",
+            SpectralData::Wavelength => "wavelength per ray",
+            SpectralData::Tables(_) => "table per ray",
+            SpectralData::Tristimulus => "tristimulus",
+        }
+    }
+
     /// The tables, where the spectrum comes in tables.
     pub fn tables(&self) -> &[Table] {
         match self {
@@ -272,7 +307,8 @@ pub struct RaySet {
     pub records: Box<dyn Records>,
 }
 
-/// Opens one ray file: detects its format, decodes its header, proves its count, obeys what was declared of it. Reads no ray.
+/// Opens one ray file: detects its format, decodes its header, proves its count, obeys what was declared of it. Reads no ray;
+/// a text file is gone through once, because only that finds its rows.
 ///
 /// # Errors
 /// [`Error::Malformed`], [`Error::Refused`], [`Error::Unreadable`]; [`Error::Unusable`] for a declaration that cannot be right.

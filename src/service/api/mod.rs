@@ -8,6 +8,8 @@ pub mod problem;
 pub mod ranges;
 /// Ray files.
 pub mod ray_sets;
+/// Spectra of channels.
+pub mod spectra;
 /// What is to be computed.
 pub mod jobs;
 /// What a job gave.
@@ -80,6 +82,7 @@ pub struct Binary(#[expect(dead_code, reason = "a schema, never a value")] Vec<u
     ),
     tags(
         (name = "ray sets", description = "Ray files, as they came"),
+        (name = "spectra", description = "Spectra of channels, from files of their own"),
         (name = "jobs", description = "What is to be computed, how far it is, and why it failed"),
         (name = "artifacts", description = "What a job gave"),
         (name = "health", description = "Whether the service lives and works"),
@@ -93,6 +96,11 @@ fn routes() -> OpenApiRouter<Api> {
     let reads = OpenApiRouter::new()
         .routes(routes!(ray_sets::list))
         .routes(routes!(ray_sets::get))
+        .routes(routes!(ray_sets::origins))
+        .routes(routes!(ray_sets::far_field))
+        .routes(routes!(spectra::upload))
+        .routes(routes!(spectra::list))
+        .routes(routes!(spectra::get))
         .routes(routes!(jobs::create))
         .routes(routes!(jobs::list))
         .routes(routes!(jobs::get))
@@ -102,6 +110,7 @@ fn routes() -> OpenApiRouter<Api> {
     // Always admitted: a full service must still be told to do less, and say that it lives.
     let relief = OpenApiRouter::new()
         .routes(routes!(ray_sets::delete))
+        .routes(routes!(spectra::delete))
         .routes(routes!(jobs::cancel))
         .routes(routes!(jobs::delete))
         .routes(routes!(health::live))
@@ -115,6 +124,22 @@ fn routes() -> OpenApiRouter<Api> {
 /// The service's face.
 pub fn router(api: Api) -> Router {
     let (router, _) = routes().split_for_parts();
+    let router = router
+        .route("/openapi.json", get(docs::contract))
+        .route("/", get(docs::front))
+        .route("/docs", get(docs::index))
+        .route("/docs/", get(docs::first_page))
+        .route("/docs/{*path}", get(docs::file));
+    dressed(router, api)
+}
+
+/// The face of a process that only computes: whether it is well.
+pub fn health_router(api: Api) -> Router {
+    dressed(Router::new().route("/healthz", get(health::live)).route("/readyz", get(health::ready)), api)
+}
+
+/// What stands before every route.
+fn dressed(router: Router<Api>, api: Api) -> Router {
     let layers = ServiceBuilder::new()
         .layer(SetRequestIdLayer::new(REQUEST_ID, NewRequestId))
         .layer(TraceLayer::new_for_http().make_span_with(span))
@@ -126,11 +151,6 @@ pub fn router(api: Api) -> Router {
         .layer(default_header(header::CACHE_CONTROL, "no-store"))
         .layer(CatchPanicLayer::custom(panicked));
     router
-        .route("/openapi.json", get(docs::contract))
-        .route("/", get(docs::front))
-        .route("/docs", get(docs::index))
-        .route("/docs/", get(docs::first_page))
-        .route("/docs/{*path}", get(docs::file))
         .fallback(async |uri: Uri| Problem::no_route(uri.path()))
         .method_not_allowed_fallback(async |method: Method| Problem::method_not_allowed(method.as_str()))
         .layer(layers)

@@ -12,6 +12,8 @@ use utoipa::ToSchema;
 
 /// The media type of every error.
 pub const MEDIA_TYPE: &str = "application/problem+json";
+/// Files of a packed file that a problem names.
+const NAMED: usize = 20;
 
 /// What went wrong (RFC 9457).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
@@ -134,6 +136,27 @@ impl Problem {
         Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "request.out_of_range", "Out of range", detail).at(path)
     }
 
+    /// No such drawing.
+    pub fn no_drawing(name: &str) -> Problem {
+        let detail = format!("The ray set has no {name}.");
+        Problem::new(StatusCode::NOT_FOUND, "drawing.not_found", "No such drawing", detail)
+            .remedy("Files without usable rays, and those taken in before there were inspections, have none.")
+    }
+
+    /// A packed file without a ray file.
+    fn no_ray_file(left_out: &[upload::LeftOut]) -> Problem {
+        let mut detail = "There is no ray file in the packed file.".to_owned();
+        for file in left_out.iter().take(NAMED) {
+            detail += &format!(" {:?} ({}): {}", file.name, file.code, file.detail);
+        }
+        if left_out.len() > NAMED {
+            detail += &format!(" And {} more.", left_out.len() - NAMED);
+        }
+        let status = StatusCode::UNPROCESSABLE_ENTITY;
+        Problem::new(status, "container.no_ray_file", "No ray file in the packed file", detail)
+            .remedy("Send the ray file itself, or packed with gzip, zstd or zip.")
+    }
+
     /// No such artifact.
     pub fn no_artifact(name: &str) -> Problem {
         let detail = format!("The job has no artifact {name:?}.");
@@ -149,6 +172,19 @@ impl Problem {
             "No such ray set",
             format!("There is no ray set {id:?}."),
         )
+    }
+
+    /// No such spectrum.
+    pub fn no_spectrum(id: &str) -> Problem {
+        let detail = format!("There is no spectrum {id:?}.");
+        Problem::new(StatusCode::NOT_FOUND, "spectrum.not_found", "No such spectrum", detail)
+    }
+
+    /// An unfinished job needs the spectrum.
+    pub fn spectrum_needed(id: &str) -> Problem {
+        let detail = format!("An unfinished job needs the spectrum {id}.");
+        Problem::new(StatusCode::CONFLICT, "spectrum.in_use", "The spectrum is in use", detail)
+            .remedy("Cancel the job or wait for its end.")
     }
 
     /// An unfinished job needs the ray set.
@@ -273,7 +309,8 @@ impl From<upload::Error> for Problem {
                 format!("The SHA-256 of what came is {found}, announced was {announced}."),
             )
             .remedy("Send it again."),
-            Error::Unfit(error) => error.into(),
+            Error::Unfit(error) | Error::Packed(error) => error.into(),
+            Error::NoRayFile(left_out) => Problem::no_ray_file(&left_out),
             Error::Storage(error) => error.into(),
         }
     }
@@ -284,6 +321,7 @@ impl From<queue::Error> for Problem {
         match error {
             queue::Error::Missing(id) => Problem::no_job(&id),
             queue::Error::MissingRaySet(id) => Problem::no_ray_set(&id),
+            queue::Error::MissingSpectrum(id) => Problem::no_spectrum(&id),
             queue::Error::State(state) => Problem::job_state(state),
             queue::Error::Storage(error) => error.into(),
         }

@@ -1,22 +1,30 @@
 //! `/v1/ray-sets`: ray files, as they came.
 
+use super::super::storage::inspections::{self, Drawing};
 use super::super::storage::ray_set_folder;
 use super::super::storage::ray_sets::{self, Deletion};
-use super::super::upload::Announcement;
+use super::super::upload::{self, Announcement, LeftOut};
 use super::Api;
 use super::extract::{Page, Path, Query, cut};
 use super::problem::Problem;
+use super::ranges::{Wanted, wanted};
 use axum::Json;
 use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderName, StatusCode, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use tokio_util::sync::CancellationToken;
 use utoipa::ToSchema;
 
-const MAX_NAME_CHARS: usize = 255;
+/// Longest name of anything.
+pub const MAX_NAME_CHARS: usize = 255;
+/// Drawings of an inspection.
+const ORIGINS: &str = "origins.svg";
+const FAR_FIELD: &str = "far-field.svg";
 
 /// A ray file as it was taken in.
 #[derive(Serialize, ToSchema)]
@@ -32,11 +40,35 @@ pub struct RaySet {
     sha256: String,
     /// What it says of itself: format, ray count, totals, spectrum, and, but in lists, texts.
     #[schema(value_type = Object)]
-    header: serde_json::Value,
+    header: Value,
+    /// What its rays say, with a verdict per check (`inspection.schema.json`); null in lists and for files taken in before
+    /// there were inspections.
+    #[schema(value_type = Option<Object>)]
+    inspection: Option<Value>,
+    /// The packed file it came in; null where it came by itself.
+    packed: Option<Packed>,
     /// When it was complete, epoch ms.
     created_ms: i64,
     /// Where it is.
     links: RaySetLinks,
+}
+
+/// A gzip, zstd or zip file that ray sets came in; it is not kept itself.
+#[derive(Serialize, ToSchema)]
+pub struct Packed {
+    /// What it was called.
+    name: String,
+    /// SHA-256 of its bytes, lower-case hex.
+    sha256: String,
+}
+
+/// What came of an upload.
+#[derive(Serialize, ToSchema)]
+pub struct Taken {
+    /// One ray set for each ray file: one, or as many as a packed file holds.
+    ray_sets: Vec<RaySet>,
+    /// What else was in a packed file, and why it is no ray set.
+    left_out: Vec<LeftOut>,
 }
 
 /// Where a ray set is.
@@ -45,6 +77,10 @@ pub struct RaySetLinks {
     /// Itself.
     #[serde(rename = "self")]
     this: String,
+    /// Where its rays start, drawn; null without an inspection or usable rays.
+    origins: Option<String>,
+    /// Where they go, drawn; likewise.
+    far_field: Option<String>,
 }
 
 /// Ray sets, newest first.
@@ -59,18 +95,38 @@ pub struct RaySetList {
 impl From<ray_sets::RaySet> for RaySet {
     fn from(row: ray_sets::RaySet) -> RaySet {
         RaySet {
-            links: RaySetLinks { this: format!("/v1/ray-sets/{}", row.id) },
+            links: RaySetLinks { this: format!("/v1/ray-sets/{}", row.id), origins: None, far_field: None },
             id: row.id,
             name: row.name,
             byte_count: row.byte_count,
             sha256: row.sha256,
             header: serde_json::from_str(&row.header).unwrap_or_default(),
+            inspection: None,
+            packed: row.packed.map(|ray_sets::Packed { name, sha256 }| Packed { name, sha256 }),
             created_ms: row.created_ms,
         }
     }
 }
 
 impl RaySet {
+    /// With its inspection, whose header has the texts too.
+    async fn inspected(api: &Api, row: ray_sets::RaySet) -> Result<RaySet, Problem> {
+        let json = inspections::get(&api.storage.records, &row.id).await?;
+        let mut ray_set = RaySet::from(row);
+        let mut found: Option<Value> = json.and_then(|json| serde_json::from_str(&json).ok());
+        if let Some(found) = found.as_mut().and_then(Value::as_object_mut) {
+            if let Some(header) = found.remove("header") {
+                ray_set.header = header;
+            }
+            if found.get("rays_used").and_then(Value::as_u64) > Some(0) {
+                ray_set.links.origins = Some(format!("{}/{ORIGINS}", ray_set.links.this));
+                ray_set.links.far_field = Some(format!("{}/{FAR_FIELD}", ray_set.links.this));
+            }
+        }
+        ray_set.inspection = found;
+        Ok(ray_set)
+    }
+
     /// As one of a list.
     fn listed(row: ray_sets::RaySet) -> RaySet {
         let mut ray_set = RaySet::from(row);
@@ -88,12 +144,14 @@ impl RaySet {
 pub struct Naming {
     /// What to call it; goes before `Content-Disposition`, decides nothing.
     #[param(max_length = 255)]
-    name: Option<String>,
+    pub name: Option<String>,
 }
 
-/// Takes in a ray file
+/// Takes in a ray file, or those in a packed one
 ///
-/// The body is the file. It is refused as soon as its beginning is wrong, and kept only when all of it is right.
+/// The body is the file. It is refused as soon as its beginning is wrong. A file that can be read is kept and inspected, ray by
+/// ray: whether a job would take it is `inspection.verdict`. A gzip, zstd or zip file is unpacked when all of it is there: each
+/// ray file in it is a ray set, and all become known together.
 #[utoipa::path(
     post, path = "/v1/ray-sets", tag = "ray sets", operation_id = "upload_ray_set",
     params(
@@ -101,9 +159,9 @@ pub struct Naming {
         ("Repr-Digest" = Option<String>, Header, description = "`sha-256=:<base64>:` (RFC 9530): verified when sent"),
         ("Content-Digest" = Option<String>, Header, description = "as Repr-Digest"),
     ),
-    request_body(content = inline(super::Binary), content_type = "application/octet-stream", description = "IES TM-25 or Zemax binary"),
+    request_body(content = inline(super::Binary), content_type = "application/octet-stream", description = "IES TM-25 or Zemax binary, as it is or packed with gzip, zstd or zip"),
     responses(
-        (status = 201, body = RaySet, description = "taken in", headers(("Location" = String, description = "the ray set"))),
+        (status = 201, body = Taken, description = "taken in", headers(("Location" = String, description = "the ray set, or the list where there are several"))),
         (status = 400, body = Problem, content_type = "application/problem+json", description = "malformed file, header or query; truncated body; wrong digest"),
         (status = 408, body = Problem, content_type = "application/problem+json", description = "the upload fell silent"),
         (status = 413, body = Problem, content_type = "application/problem+json", description = "larger than this service takes"),
@@ -122,19 +180,28 @@ pub async fn upload(
     if api.draining.is_cancelled() {
         return Err(Problem::draining());
     }
-    let announcement = announcement(naming.name, &headers)?;
+    let mut announcement = announcement(naming.name, &headers, "rays")?;
     if announcement.byte_count.is_some_and(|bytes| bytes > api.intake.max_bytes) {
-        return Err(super::super::upload::Error::TooLarge(api.intake.max_bytes).into());
+        return Err(upload::Error::TooLarge(api.intake.max_bytes).into());
     }
+    announcement.gone = CancellationToken::new();
+    let _gone = announcement.gone.clone().drop_guard();
+    let reader = api.clone();
     // A task of its own: when the client goes away this handler is dropped, and what was stored must still be cleaned up.
     let taken = tokio::spawn(async move { api.intake.take(announcement, body.into_data_stream()).await });
-    let row = taken.await.map_err(|error| {
+    let taken = taken.await.map_err(|error| {
         tracing::error!(%error, "an upload stopped");
         Problem::internal()
     })??;
-    let ray_set = RaySet::from(row);
-    let location = [(header::LOCATION, ray_set.links.this.clone())];
-    Ok((StatusCode::CREATED, location, Json(ray_set)).into_response())
+    let mut answer = Taken { ray_sets: Vec::new(), left_out: taken.left_out };
+    for row in taken.ray_sets {
+        answer.ray_sets.push(RaySet::inspected(&reader, row).await?);
+    }
+    let location = match answer.ray_sets.as_slice() {
+        [ray_set] => ray_set.links.this.clone(),
+        _ => "/v1/ray-sets".to_owned(),
+    };
+    Ok((StatusCode::CREATED, [(header::LOCATION, location)], Json(answer)).into_response())
 }
 
 /// Lists ray sets, newest first
@@ -165,7 +232,71 @@ pub async fn list(State(api): State<Api>, Query(page): Query<Page>) -> Result<Js
 )]
 pub async fn get(State(api): State<Api>, Path(id): Path<String>) -> Result<Json<RaySet>, Problem> {
     let row = ray_sets::get(&api.storage.records, &id).await?;
-    Ok(Json(row.ok_or_else(|| Problem::no_ray_set(&id))?.into()))
+    Ok(Json(RaySet::inspected(&api, row.ok_or_else(|| Problem::no_ray_set(&id))?).await?))
+}
+
+/// Draws where the rays of a ray set start
+///
+/// Three projections on one scale, mm; density of a sample of the origins.
+#[utoipa::path(
+    get, path = "/v1/ray-sets/{id}/origins.svg", tag = "ray sets", operation_id = "get_origins_drawing",
+    params(
+        ("id" = String, Path, description = "the ray set"),
+        ("If-None-Match" = Option<String>, Header, description = "entity tags the client has"),
+    ),
+    responses(
+        (status = 200, body = String, content_type = "image/svg+xml", description = "the drawing", headers(("ETag" = String, description = "its SHA-256"))),
+        (status = 304, description = "the client has it"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such ray set or drawing"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+    )
+)]
+pub async fn origins(State(api): State<Api>, Path(id): Path<String>, headers: HeaderMap) -> Result<Response, Problem> {
+    drawing(&api, &id, ORIGINS, &headers).await
+}
+
+/// Draws where the rays of a ray set go
+///
+/// Intensity in the planes C0-180 and C90-270 about the main direction, in bins of 5° by 10°.
+#[utoipa::path(
+    get, path = "/v1/ray-sets/{id}/far-field.svg", tag = "ray sets", operation_id = "get_far_field_drawing",
+    params(
+        ("id" = String, Path, description = "the ray set"),
+        ("If-None-Match" = Option<String>, Header, description = "entity tags the client has"),
+    ),
+    responses(
+        (status = 200, body = String, content_type = "image/svg+xml", description = "the drawing", headers(("ETag" = String, description = "its SHA-256"))),
+        (status = 304, description = "the client has it"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such ray set or drawing"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+    )
+)]
+pub async fn far_field(
+    State(api): State<Api>,
+    Path(id): Path<String>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    drawing(&api, &id, FAR_FIELD, &headers).await
+}
+
+async fn drawing(api: &Api, id: &str, name: &str, headers: &HeaderMap) -> Result<Response, Problem> {
+    let Some(Drawing { sha256, svg, .. }) = inspections::drawing(&api.storage.records, id, name).await? else {
+        let known = ray_sets::get(&api.storage.records, id).await?.is_some();
+        return Err(if known { Problem::no_drawing(name) } else { Problem::no_ray_set(id) });
+    };
+    let etag = format!("\"{sha256}\"");
+    // A drawing is small: a range is answered with all of it.
+    let known = wanted(headers, &etag, svg.len() as u64) == Wanted::Nothing;
+    let mut response = if known { StatusCode::NOT_MODIFIED.into_response() } else { svg.into_response() };
+    let told = response.headers_mut();
+    told.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
+    if let Ok(etag) = HeaderValue::try_from(etag) {
+        told.insert(header::ETAG, etag);
+    }
+    if !known {
+        told.insert(header::CONTENT_TYPE, HeaderValue::from_static("image/svg+xml"));
+    }
+    Ok(response)
 }
 
 /// Deletes a ray set
@@ -192,8 +323,11 @@ pub async fn delete(State(api): State<Api>, Path(id): Path<String>) -> Result<St
     }
 }
 
-/// What the headers and the query say of the file to come.
-fn announcement(name: Option<String>, headers: &HeaderMap) -> Result<Announcement, Problem> {
+/// What the headers and the query say of the file to come; `nameless` is what it is called where they say nothing.
+///
+/// # Errors
+/// A form, an encoded body, a header or a name that cannot be meant.
+pub fn announcement(name: Option<String>, headers: &HeaderMap, nameless: &str) -> Result<Announcement, Problem> {
     let text = |name: HeaderName| headers.get(&name).and_then(|value| value.to_str().ok());
     let media_type = text(header::CONTENT_TYPE).unwrap_or_default().to_ascii_lowercase();
     if media_type.starts_with("multipart/") || media_type.starts_with("application/x-www-form-urlencoded") {
@@ -202,7 +336,8 @@ fn announcement(name: Option<String>, headers: &HeaderMap) -> Result<Announcemen
     }
     if let Some(encoding) = text(header::CONTENT_ENCODING).filter(|encoding| *encoding != "identity") {
         let found = format!("The body is encoded as {encoding:?}.");
-        return Err(Problem::media_type(found, "Send the file as it is, without Content-Encoding."));
+        // An encoding is the connection's, a packed file is the user's: its name and digest are those of the file.
+        return Err(Problem::media_type(found, "Send the file as it is, without Content-Encoding; it may be packed."));
     }
     let byte_count = match text(header::CONTENT_LENGTH).map(str::parse) {
         Some(Err(_)) => return Err(Problem::malformed_header("Content-Length", "It is not a number.")),
@@ -216,7 +351,7 @@ fn announcement(name: Option<String>, headers: &HeaderMap) -> Result<Announcemen
         }
     }
     let name = name.or_else(|| text(header::CONTENT_DISPOSITION).and_then(file_name)).unwrap_or_default();
-    Ok(Announcement { name: plain(&name)?, byte_count, sha256 })
+    Ok(Announcement { name: plain(&name, nameless)?, byte_count, sha256, ..Announcement::default() })
 }
 
 /// The SHA-256 in a digest header, as hex; other algorithms are left alone.
@@ -266,13 +401,13 @@ fn percent_decoded(text: &str) -> String {
 }
 
 /// A name without folders and control characters.
-fn plain(name: &str) -> Result<String, Problem> {
+fn plain(name: &str, nameless: &str) -> Result<String, Problem> {
     let last = name.rsplit(['/', '\\']).next().unwrap_or_default();
     let clean: String = last.chars().filter(|c| !c.is_control()).collect();
     if clean.chars().count() > MAX_NAME_CHARS {
         return Err(Problem::out_of_range("name", "at most 255 characters long"));
     }
-    Ok(if clean.is_empty() { "rays".to_owned() } else { clean })
+    Ok(if clean.is_empty() { nameless.to_owned() } else { clean })
 }
 
 #[cfg(test)]
@@ -288,10 +423,13 @@ mod tests {
         assert_eq!(file_name(both).as_deref(), Some("€ rates"));
         assert_eq!(file_name("inline"), None);
         assert_eq!(percent_decoded("100%"), "100%");
-        assert_eq!(plain("../../etc/pass\u{7}wd").ok().as_deref(), Some("passwd"));
-        assert_eq!(plain("C:\\rays\\led.dat").ok().as_deref(), Some("led.dat"));
-        assert_eq!(plain("").ok().as_deref(), Some("rays"));
-        assert_eq!(plain(&"x".repeat(256)).map_err(|problem| problem.code).unwrap_err(), "request.out_of_range");
+        assert_eq!(plain("../../etc/pass\u{7}wd", "rays").ok().as_deref(), Some("passwd"));
+        assert_eq!(plain("C:\\rays\\led.dat", "rays").ok().as_deref(), Some("led.dat"));
+        assert_eq!(plain("", "rays").ok().as_deref(), Some("rays"));
+        assert_eq!(
+            plain(&"x".repeat(256), "rays").map_err(|problem| problem.code).unwrap_err(),
+            "request.out_of_range"
+        );
     }
 
     #[test]

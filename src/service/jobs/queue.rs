@@ -1,9 +1,10 @@
 //! Every change of a job's state, one statement each. At least once begun, exactly once published: a worker's write names
 //! the fence its claim gave it, and zero rows changed means that the lease was lost and the result is nobody's.
 
+use super::super::crash;
 use super::super::storage::records::sql;
 use super::super::storage::{self, Storage, job_folder, new_id};
-use super::options::JobOptions;
+use super::channels::{Channel, NewJob};
 use super::query::{self, StoredArtifact};
 use super::{Failure, State, StoredNotice};
 use std::sync::Arc;
@@ -22,6 +23,9 @@ pub enum Error {
     /// There is no such ray set.
     #[error("there is no ray set {0}")]
     MissingRaySet(String),
+    /// There is no such spectrum.
+    #[error("there is no spectrum {0}")]
+    MissingSpectrum(String),
     /// The job is in a state from which this is not legal.
     #[error("the job is {}", .0.name())]
     State(State),
@@ -65,7 +69,9 @@ pub enum Beat {
 #[derive(Clone)]
 pub struct Queue {
     storage: Storage,
-    /// Fresh per start: a name that comes back would make a dead worker look alive.
+    /// This process, by a name fresh per start: one that comes back would make a dead worker look alive.
+    process: String,
+    /// Who claims here: a slot of this process, which has one job at a time.
     owner: String,
     lease_ms: i64,
     max_attempts: u32,
@@ -76,7 +82,15 @@ impl Queue {
     /// The queue in `storage`, under a fresh name.
     pub fn new(storage: Storage, lease: Duration, max_attempts: u32) -> Queue {
         let lease_ms = i64::try_from(lease.as_millis()).unwrap_or(i64::MAX);
-        Queue { storage, owner: new_id(), lease_ms, max_attempts, wake: Arc::new(Notify::new()) }
+        let process = new_id();
+        let owner = format!("{process}.0");
+        Queue { storage, process, owner, lease_ms, max_attempts, wake: Arc::new(Notify::new()) }
+    }
+
+    /// The queue as slot `slot` of this process sees it. A slot asks for a job only when it has none.
+    #[must_use]
+    pub fn of_slot(&self, slot: usize) -> Queue {
+        Queue { owner: format!("{}.{slot}", self.process), ..self.clone() }
     }
 
     /// Resolves when a job may be ready in this process; another process's are found by polling.
@@ -87,23 +101,37 @@ impl Queue {
     /// Accepts a job: from here on it will be done, whatever happens to this process.
     ///
     /// # Errors
-    /// [`Error::MissingRaySet`], [`Error::Storage`].
-    pub async fn enqueue(&self, ray_sets: &[String], options: &JobOptions) -> Result<String, Error> {
+    /// [`Error::MissingRaySet`], [`Error::MissingSpectrum`], [`Error::Storage`].
+    pub async fn enqueue(&self, new: &NewJob) -> Result<String, Error> {
         let id = new_id();
         let mut transaction = self.storage.records.begin().await?;
         let insert = "INSERT INTO jobs (id, state, options, attempt, max_attempts, fence, cancel_requested, \
-                      stage_progress, notices, created_ms) VALUES ($1, 'queued', $2, 0, $3, 0, 0, 0, '[]', {now})";
-        let insert = sql(insert).bind(id.as_str()).bind(json(options)?).bind(i64::from(self.max_attempts));
+                      stage_progress, notices, created_ms, total) \
+                      VALUES ($1, 'queued', $2, 0, $3, 0, 0, 0, '[]', {now}, $4)";
+        let insert = sql(insert).bind(id.as_str()).bind(json(&new.options)?).bind(i64::from(self.max_attempts));
+        let total = new.total.as_ref().map(json).transpose()?;
+        let insert = insert.bind(total.as_deref());
         transaction.write(insert).await?;
-        for (position, ray_set) in ray_sets.iter().enumerate() {
-            let insert = "INSERT INTO job_inputs (job_id, position, ray_set_id) \
-                          SELECT $1, $2, id FROM ray_sets WHERE id = $3";
-            let insert = sql(insert).bind(id.as_str()).bind(position as i64).bind(ray_set.as_str());
+        for (position, channel) in new.channels.iter().enumerate() {
+            let insert = "INSERT INTO job_inputs (job_id, position, ray_set_id, declared, spectrum_id) \
+                          SELECT $1, $2, id, $3, $4 FROM ray_sets WHERE id = $5 {for_share}";
+            let insert = sql(insert).bind(id.as_str()).bind(position as i64).bind(declared(channel)?);
+            let insert = insert.bind(channel.spectrum_id()).bind(channel.ray_set.as_str());
             if transaction.write(insert).await? == 0 {
-                return Err(Error::MissingRaySet(ray_set.clone()));
+                return Err(Error::MissingRaySet(channel.ray_set.clone()));
+            }
+            if let Some(spectrum) = channel.spectrum_id()
+                && transaction
+                    .read(sql("SELECT id FROM spectra WHERE id = $1 {for_share}").bind(spectrum))
+                    .await?
+                    .is_empty()
+            {
+                return Err(Error::MissingSpectrum(spectrum.to_owned()));
             }
         }
+        crash::point("submit.before_commit");
         transaction.commit().await?;
+        crash::point("submit.committed");
         self.wake.notify_one();
         Ok(id)
     }
@@ -124,6 +152,7 @@ impl Queue {
         let rows = transaction.read(claim).await?;
         transaction.commit().await?;
         let Some(row) = rows.first() else { return Ok(None) };
+        crash::point("claim.committed");
         Ok(Some(Claim {
             id: row.text("id")?,
             fence: row.number("fence")?,
@@ -177,7 +206,9 @@ impl Queue {
             let insert = insert.bind(artifact.media_type.as_str()).bind(artifact.byte_count.cast_signed());
             transaction.write(insert.bind(artifact.sha256.as_str()).bind(artifact.blob.as_str())).await?;
         }
+        crash::point("finish.before_commit");
         transaction.commit().await?;
+        crash::point("finish.committed");
         Ok(true)
     }
 
@@ -282,7 +313,8 @@ impl Queue {
         self.sweep().await
     }
 
-    /// Takes back jobs whose lease has ended. Never this process's own: its worker may only have been slow to beat.
+    /// Takes back jobs whose lease has ended; never those of this process, whose worker may only have been slow to beat. And
+    /// those of this slot, which has none: their claim was made, and its answer lost with the connection.
     async fn sweep(&self) -> Result<(), storage::Error> {
         let sweep = "UPDATE jobs SET \
                      state = CASE WHEN cancel_requested = 1 THEN 'cancelled' WHEN attempt >= max_attempts \
@@ -290,14 +322,24 @@ impl Queue {
                      failure = CASE WHEN cancel_requested = 0 AND attempt >= max_attempts THEN $1 END, \
                      finished_ms = CASE WHEN cancel_requested = 1 OR attempt >= max_attempts THEN {now} END, \
                      lease_owner = NULL, lease_until_ms = NULL, stage = NULL, stage_progress = 0 \
-                     WHERE state = 'running' AND lease_until_ms < {now} AND lease_owner <> $2";
-        let lost = json(&Failure::worker_lost(self.max_attempts))?;
-        let swept = self.storage.records.write(sql(sweep).bind(lost).bind(self.owner.as_str())).await?;
+                     WHERE id IN (SELECT id FROM jobs WHERE state = 'running' AND (lease_owner = $2 \
+                     OR (lease_until_ms < {now} AND lease_owner NOT LIKE $3)) {skip_locked})";
+        let sweep = sql(sweep).bind(json(&Failure::worker_lost(self.max_attempts))?).bind(self.owner.as_str());
+        let swept = self.storage.records.write(sweep.bind(format!("{}.%", self.process))).await?;
         if swept > 0 {
             tracing::warn!(jobs = swept, "took back jobs of lost workers");
         }
         Ok(())
     }
+}
+
+/// What was declared of a channel, as its row has it: the ray set is a column of its own.
+fn declared(channel: &Channel) -> Result<String, storage::Error> {
+    let mut declared = serde_json::to_value(channel).map_err(|error| storage::Error::Records(Box::new(error)))?;
+    if let Some(fields) = declared.as_object_mut() {
+        fields.remove("ray_set");
+    }
+    json(&declared)
 }
 
 fn json<T: serde::Serialize + ?Sized>(value: &T) -> Result<String, storage::Error> {

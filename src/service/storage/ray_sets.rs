@@ -1,8 +1,10 @@
 //! Rows of ray sets and their parts.
 
+use super::super::crash;
 use super::Error;
+use super::inspections::{self, Inspection};
 use super::parts::Part;
-use super::records::{Records, Row, sql};
+use super::records::{Records, Row, Transaction, sql};
 
 /// A ray file as it was taken in.
 #[derive(Clone, Debug)]
@@ -15,10 +17,32 @@ pub struct RaySet {
     pub byte_count: u64,
     /// SHA-256 of the bytes, lower-case hex.
     pub sha256: String,
-    /// What the file says of itself: the pipeline's header, as JSON.
+    /// What the file says of itself: the pipeline's header without its texts, as JSON. The inspection has it whole.
     pub header: String,
+    /// The packed file it came in, if it did.
+    pub packed: Option<Packed>,
     /// When it was complete, epoch ms.
     pub created_ms: i64,
+}
+
+/// A packed file that ray sets came in; its bytes are not kept.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Packed {
+    /// What the user calls it.
+    pub name: String,
+    /// SHA-256 of the bytes as sent, lower-case hex.
+    pub sha256: String,
+}
+
+/// A ray set to be: its parts are stored, its rows are not.
+#[derive(Clone, Debug)]
+pub struct Draft {
+    /// Itself.
+    pub ray_set: RaySet,
+    /// Its parts, in order.
+    pub parts: Vec<Part>,
+    /// What its rays say.
+    pub inspection: Inspection,
 }
 
 /// What came of asking to delete a ray set.
@@ -39,26 +63,46 @@ fn ray_set(row: &Row) -> Result<RaySet, Error> {
         byte_count: row.count("byte_count")?,
         sha256: row.text("sha256")?,
         header: row.text("header")?,
+        packed: row
+            .optional_text("packed_name")?
+            .zip(row.optional_text("packed_sha256")?)
+            .map(|(name, sha256)| Packed { name, sha256 }),
         created_ms: row.number("created_ms")?,
     })
 }
 
-/// Makes a ray set known, whose parts are all stored. Answers it with its time.
+/// Makes the ray sets of one upload known, with their inspections, all or none; their parts are all stored. Answers them with
+/// their times.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn insert(records: &Records, new: RaySet, parts: &[Part]) -> Result<RaySet, Error> {
+pub async fn insert(records: &Records, new: Vec<Draft>) -> Result<Vec<RaySet>, Error> {
     let mut transaction = records.begin().await?;
-    let insert = "INSERT INTO ray_sets (id, name, byte_count, sha256, header, created_ms) \
-                  VALUES ($1, $2, $3, $4, $5, {now}) RETURNING created_ms";
+    let mut known = Vec::new();
+    for draft in new {
+        known.push(insert_one(&mut transaction, draft).await?);
+    }
+    crash::point("upload.before_commit");
+    transaction.commit().await?;
+    crash::point("upload.committed");
+    Ok(known)
+}
+
+async fn insert_one(transaction: &mut Transaction, draft: Draft) -> Result<RaySet, Error> {
+    let Draft { ray_set: new, parts, inspection } = draft;
+    let insert = "INSERT INTO ray_sets (id, name, byte_count, sha256, header, packed_name, packed_sha256, created_ms) \
+                  VALUES ($1, $2, $3, $4, $5, $6, $7, {now}) RETURNING created_ms";
     let insert = sql(insert).bind(new.id.as_str()).bind(new.name.as_str()).bind(new.byte_count.cast_signed());
-    let rows = transaction.read(insert.bind(new.sha256.as_str()).bind(new.header.as_str())).await?;
+    let insert = insert.bind(new.sha256.as_str()).bind(new.header.as_str());
+    let packed = new.packed.as_ref();
+    let insert = insert.bind(packed.map(|packed| packed.name.as_str()));
+    let rows = transaction.read(insert.bind(packed.map(|packed| packed.sha256.as_str()))).await?;
     for (number, part) in parts.iter().enumerate() {
         let insert = sql("INSERT INTO parts (ray_set_id, number, byte_count, blob) VALUES ($1, $2, $3, $4)");
         let insert = insert.bind(new.id.as_str()).bind(number as i64);
         transaction.write(insert.bind(part.byte_count.cast_signed()).bind(part.blob.as_str())).await?;
     }
-    transaction.commit().await?;
+    inspections::insert(transaction, &new.id, &inspection).await?;
     let created_ms = rows.first().map_or(Ok(0), |row| row.number("created_ms"))?;
     Ok(RaySet { created_ms, ..new })
 }
@@ -96,10 +140,15 @@ pub async fn parts(records: &Records, id: &str) -> Result<Vec<Part>, Error> {
 /// # Errors
 /// The database did not answer.
 pub async fn delete(records: &Records, id: &str) -> Result<Deletion, Error> {
+    let mut transaction = records.begin().await?;
+    // Waits for whoever is queuing a job for it, and makes those that come later wait: only then can the jobs be looked at.
+    transaction.write(sql("UPDATE ray_sets SET name = name WHERE id = $1").bind(id)).await?;
     let delete = "DELETE FROM ray_sets WHERE id = $1 AND NOT EXISTS (SELECT 1 FROM job_inputs \
                   JOIN jobs ON jobs.id = job_inputs.job_id \
                   WHERE job_inputs.ray_set_id = $1 AND jobs.state IN ('queued', 'running'))";
-    if records.write(sql(delete).bind(id)).await? > 0 {
+    let deleted = transaction.write(sql(delete).bind(id)).await?;
+    transaction.commit().await?;
+    if deleted > 0 {
         return Ok(Deletion::Deleted);
     }
     Ok(if get(records, id).await?.is_some() { Deletion::Needed } else { Deletion::Missing })
