@@ -8,6 +8,7 @@ use lampwright::service::jobs::{Failure, State, TRANSITIONS};
 use lampwright::service::storage::records::sql;
 use lampwright::service::storage::{Storage, ray_sets};
 use serde_json::json;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 #[tokio::test(flavor = "multi_thread")]
@@ -153,14 +154,16 @@ async fn pages_hold_every_entry_once_newest_first() {
     assert_eq!((of("running").await, of("queued").await, of("succeeded").await), (0, 0, 5));
 }
 
-/// Every change that the queue can make, tried from every state: what happens is exactly the table.
-#[tokio::test]
-async fn only_the_transitions_of_the_table_happen() {
-    let folder = tempfile::tempdir().unwrap();
-    let config = on_engines(Config::new(folder.path())).await;
-    let storage = Storage::open(&config.database_url(), &config.storage_url()).await.unwrap();
+/// Both stores, and no service.
+async fn stores(folder: &Path) -> Storage {
+    let config = on_engines(Config::new(folder)).await;
+    Storage::open(&config.database_url(), &config.storage_url()).await.unwrap()
+}
+
+/// Makes a ray set known that has no bytes.
+async fn known(storage: &Storage, id: &str) {
     let row = ray_sets::RaySet {
-        id: "r".into(),
+        id: id.into(),
         name: "r".into(),
         byte_count: 1,
         sha256: String::new(),
@@ -168,6 +171,52 @@ async fn only_the_transitions_of_the_table_happen() {
         created_ms: 0,
     };
     ray_sets::insert(&storage.records, row, &[]).await.unwrap();
+}
+
+#[tokio::test]
+async fn a_slot_that_did_not_hear_of_its_claim_takes_the_job_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = stores(folder.path()).await;
+    known(&storage, "r").await;
+    let queue = Queue::new(storage.clone(), Duration::from_secs(60), 3);
+    let (first, second) = (queue.of_slot(0), queue.of_slot(1));
+    let id = queue.enqueue(&["r".into()], &JobOptions::default()).await.unwrap();
+    // The database made this claim; that the connection broke before its answer is played by not looking at it.
+    drop(first.claim().await.unwrap());
+    assert!(second.claim().await.unwrap().is_none(), "another slot of this process may be at it");
+    let again = first.claim().await.unwrap().unwrap();
+    assert_eq!((again.id, again.attempt, again.fence), (id, 2, 2));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_ray_set_is_never_deleted_under_a_job_that_is_being_queued() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = stores(folder.path()).await;
+    let queue = Queue::new(storage.clone(), Duration::from_secs(60), 3);
+    let mut outcomes = [0, 0];
+    for round in 0..60 {
+        let id = format!("r{round}");
+        known(&storage, &id).await;
+        let enqueue = tokio::spawn({
+            let (queue, id) = (queue.clone(), id.clone());
+            async move { queue.enqueue(&[id], &JobOptions::default()).await.is_ok() }
+        });
+        // Around the time that the other takes.
+        tokio::time::sleep(Duration::from_micros(100 * round)).await;
+        let deleted = ray_sets::delete(&storage.records, &id).await.unwrap() == ray_sets::Deletion::Deleted;
+        let queued = enqueue.await.unwrap();
+        assert!(queued != deleted, "round {round}: queued {queued}, deleted {deleted}");
+        outcomes[usize::from(queued)] += 1;
+    }
+    println!("deleted {}, queued {}", outcomes[0], outcomes[1]);
+}
+
+/// Every change that the queue can make, tried from every state: what happens is exactly the table.
+#[tokio::test]
+async fn only_the_transitions_of_the_table_happen() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = stores(folder.path()).await;
+    known(&storage, "r").await;
     let lease = Duration::from_secs(60);
     let (ours, theirs) = (Queue::new(storage.clone(), lease, 3), Queue::new(storage.clone(), lease, 3));
     let mut seen = Vec::new();

@@ -41,11 +41,12 @@ const PIPELINE_CRATES: [&str; 11] =
 const WORLD: [&str; 6] = ["env", "fs", "net", "process", "thread", "time"];
 
 /// One foreign library, one file (or folder): whoever replaces it reads no other.
-const HOMES: [(&str, &str); 5] = [
+const HOMES: [(&str, &str); 6] = [
     ("obvhs", "pipeline/flux/bvh"),
     ("zip", "pipeline/artifacts"),
     ("sqlx", "service/storage/records"),
     ("object_store", "service/storage/blobs"),
+    ("rustls", "service/tls"),
     ("indicatif", "command/progress"),
 ];
 
