@@ -197,12 +197,17 @@ async fn a_ray_set_is_never_deleted_under_a_job_that_is_being_queued() {
     for round in 0..60 {
         let id = format!("r{round}");
         known(&storage, &id).await;
+        // Now the one begins first, now the other, by less than either takes.
+        let head_start = Duration::from_micros(100 * (round / 2));
+        let (first, second) = if round % 2 == 0 { (Duration::ZERO, head_start) } else { (head_start, Duration::ZERO) };
         let enqueue = tokio::spawn({
             let (queue, id) = (queue.clone(), id.clone());
-            async move { queue.enqueue(&[id], &JobOptions::default()).await.is_ok() }
+            async move {
+                tokio::time::sleep(first).await;
+                queue.enqueue(&[id], &JobOptions::default()).await.is_ok()
+            }
         });
-        // Around the time that the other takes.
-        tokio::time::sleep(Duration::from_micros(100 * round)).await;
+        tokio::time::sleep(second).await;
         let deleted = ray_sets::delete(&storage.records, &id).await.unwrap() == ray_sets::Deletion::Deleted;
         let queued = enqueue.await.unwrap();
         assert!(queued != deleted, "round {round}: queued {queued}, deleted {deleted}");
