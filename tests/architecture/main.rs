@@ -54,13 +54,14 @@ const PIPELINE_CRATES: [&str; 13] = [
 const WORLD: [&str; 6] = ["env", "fs", "net", "process", "thread", "time"];
 
 /// One foreign library, one file (or folder): whoever replaces it reads no other.
-const HOMES: [(&str, &str); 7] = [
+const HOMES: [(&str, &str); 8] = [
     ("flate2", "pipeline/rays/container"),
     ("ruzstd", "pipeline/rays/container/zstd"),
     ("obvhs", "pipeline/flux/bvh"),
     ("zip", "pipeline/artifacts"),
     ("sqlx", "service/storage/records"),
     ("object_store", "service/storage/blobs"),
+    ("rustls", "service/tls"),
     ("indicatif", "command/progress"),
 ];
 
