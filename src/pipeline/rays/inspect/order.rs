@@ -89,10 +89,8 @@ impl Sums {
         let (o, d) = (origin, direction);
         let values = [o.x, o.y, o.z, d.x, d.y, d.z, flux, o.length_squared(), wavelength_nm];
         self.rays += 1;
-        for k in 0..QUANTITIES {
-            self.sum[k] += values[k];
-            self.square[k] += values[k] * values[k];
-        }
+        self.sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+        self.square.iter_mut().zip(values).for_each(|(sum, value)| *sum += value * value);
         if index < self.ray_count / 10 {
             self.head_rays += 1;
             (0..QUANTITIES).for_each(|k| self.head[k] += values[k]);
