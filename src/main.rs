@@ -1,7 +1,7 @@
 //! The command line: reads arguments and nothing else. `lampwright --help` is its documentation.
 
 use clap::{Parser, Subcommand};
-use lampwright::command::{Failure, build, health, inspect, openapi, sample, serve};
+use lampwright::command::{Failure, build, health, inspect, keys, openapi, sample, serve, tenants};
 use std::process::ExitCode;
 
 /// Turns a light source's ray file into a continuous source model: hull mesh with spectra, zonal goniograms, IES files.
@@ -26,6 +26,10 @@ enum Verb {
     Inspect(inspect::Arguments),
     /// Write a known source as an IES TM-25 ray file.
     Sample(sample::Arguments),
+    /// Make, list, rotate and revoke the keys of a service.
+    Keys(keys::Arguments),
+    /// Say what the tenants of a service may use.
+    Tenants(tenants::Arguments),
     /// Print the OpenAPI contract of the service.
     Openapi,
     /// Ask a running service whether it is well; for container health checks.
@@ -39,6 +43,8 @@ fn main() -> ExitCode {
         Verb::Build(arguments) => build::run(&arguments),
         Verb::Inspect(arguments) => inspect::run(&arguments),
         Verb::Sample(arguments) => sample::run(&arguments),
+        Verb::Keys(arguments) => keys::run(arguments),
+        Verb::Tenants(arguments) => tenants::run(arguments),
         Verb::Openapi => openapi::run(),
         Verb::Health(arguments) => health::run(&arguments),
     };

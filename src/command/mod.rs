@@ -11,6 +11,10 @@ mod progress;
 mod argument;
 /// Aligned text for people.
 mod table;
+/// The stores of a service, for who looks after it.
+mod stores;
+/// What clients may ask of a service.
+mod bounds;
 /// `serve`: the service.
 pub mod serve;
 /// `build`: the pipeline without a server.
@@ -21,6 +25,10 @@ pub mod inspect;
 pub mod sample;
 /// `openapi`: the contract.
 pub mod openapi;
+/// `keys`: who may use the service.
+pub mod keys;
+/// `tenants`: how much each may use.
+pub mod tenants;
 /// `health`: is a running service well?
 pub mod health;
 

@@ -2,6 +2,7 @@
 //! there is something to look at within seconds.
 
 use super::Failure;
+use super::bounds::Bounds;
 use crate::pipeline::rays::synthetic;
 use crate::service::telemetry::{self, LogFormat};
 use crate::service::{Config, Service, StartError, Submitted};
@@ -41,6 +42,12 @@ pub struct Arguments {
     /// Largest ray file taken, bytes [default: 64 GiB].
     #[arg(long, env = "LAMPWRIGHT_MAX_UPLOAD", value_name = "BYTES")]
     max_upload: Option<u64>,
+    /// Ask for keys. Where others can reach the service it always does, and refuses to start without any: make the first with
+    /// `lampwright keys create`, or say `on` and make it later.
+    #[arg(long, env = "LAMPWRIGHT_AUTH", value_enum, default_value_t)]
+    auth: Auth,
+    #[command(flatten)]
+    bounds: Bounds,
     /// Seconds that running jobs and open connections get when the service stops [default: 10].
     #[arg(long, env = "LAMPWRIGHT_GRACE", value_name = "SECONDS")]
     grace: Option<u64>,
@@ -53,6 +60,15 @@ pub struct Arguments {
     /// How log lines look.
     #[arg(long, env = "LAMPWRIGHT_LOG_FORMAT", value_enum, default_value_t)]
     log_format: LogLines,
+}
+
+#[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+enum Auth {
+    /// Where others than this machine can reach the service.
+    #[default]
+    Auto,
+    /// Always.
+    On,
 }
 
 #[derive(Clone, Copy, Default, ValueEnum)]
@@ -77,7 +93,8 @@ impl Arguments {
             threads: self.threads.unwrap_or(defaults.threads),
             max_upload_bytes: self.max_upload.unwrap_or(defaults.max_upload_bytes),
             grace: self.grace.map_or(defaults.grace, Duration::from_secs),
-            ..defaults
+            auth: self.auth == Auth::On,
+            ..self.bounds.over(defaults)
         }
     }
 }
@@ -104,15 +121,17 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 async fn serve(arguments: &Arguments) -> Result<(), Failure> {
     let stop = stopping()?;
-    let service = Service::start(arguments.config()).await?;
+    let config = arguments.config();
+    let asks_for_keys = config.asks_for_keys();
+    let service = Service::start(config).await?;
     let site = format!("http://{}", reachable(service.address()));
     println!("Lampwright {} is at {site}", env!("CARGO_PKG_VERSION"));
     println!("  documentation   {site}/docs");
-    println!("  send a file     curl -X POST -T FILE '{site}/v1/ray-sets?name=FILE'");
-    if !service.address().ip().is_loopback() {
-        tracing::warn!(address = %service.address(), "whoever reaches this address can use it: no keys are asked for");
-    }
-    if let Some(sample) = begin(&service, arguments.no_sample).await? {
+    let key = if asks_for_keys { " -H \"Authorization: Bearer $KEY\"" } else { "" };
+    println!("  send a file     curl -X POST{key} -T FILE '{site}/v1/ray-sets?name=FILE'");
+    // With keys, the sample would be a tenant's whom nobody asked.
+    let unwanted = arguments.no_sample || asks_for_keys;
+    if let Some(sample) = begin(&service, unwanted).await? {
         println!("  built-in sample {site}/v1/jobs/{}  ({SAMPLE}, {SAMPLE_RAYS} rays)", sample.job);
         tokio::spawn(tell_when_done(service.router(), site, sample));
     }
@@ -185,6 +204,11 @@ impl From<StartError> for Failure {
             StartError::Folder { .. } => ("serve.folder", "Name another with --data, or see to its permissions."),
             StartError::Locked(_) => ("serve.locked", "Stop the other process, or name another folder with --data."),
             StartError::Listen { .. } => ("serve.listen", "Name another with --listen; port 0 takes any free one."),
+            StartError::NoKeys(_) => (
+                "serve.no_keys",
+                "Make one for this database: lampwright keys create --tenant NAME. Or start with --auth on and make it later, \
+                 or listen on 127.0.0.1.",
+            ),
             StartError::Storage(_) => ("serve.storage", "See that the data folder is whole and has room."),
             StartError::Threads(_) => ("serve.threads", "Give fewer with --threads or --jobs."),
         };

@@ -4,8 +4,16 @@
 pub mod config;
 /// Logs.
 pub mod telemetry;
+/// Numbers.
+pub mod metrics;
+/// Who may do what.
+pub mod access;
 /// What outlives the process: rows and blobs.
 pub mod storage;
+/// Takes connections.
+pub mod connections;
+/// How fast a body must come.
+pub mod pace;
 /// Takes in a ray file.
 pub mod upload;
 /// What is to be computed, and who computes it.
@@ -15,16 +23,20 @@ pub mod api;
 
 pub use config::Config;
 
+use access::rate::RateLimit;
+use access::{Door, keys};
 use api::Api;
 use axum::Router;
 use jobs::options::JobOptions;
 use jobs::queue::{self, Queue};
 use jobs::worker::{Runner, Worker, pipeline_runner};
+use metrics::Metrics;
 use std::fs::{File, TryLockError};
 use std::io;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use storage::Storage;
+use storage::space::Space;
 use tokio::io::AsyncRead;
 use tokio::net::TcpListener;
 use tokio::task::JoinSet;
@@ -56,6 +68,9 @@ pub enum StartError {
         /// Why.
         error: io::Error,
     },
+    /// Others could reach it, and nobody has a key.
+    #[error("at {0} others can reach this service, and it has no keys yet")]
+    NoKeys(SocketAddr),
     /// A store cannot be opened.
     #[error(transparent)]
     Storage(#[from] storage::Error),
@@ -113,6 +128,10 @@ impl Service {
     pub async fn start_with(config: Config, runner: Runner) -> Result<Service, StartError> {
         let lock = lock(&config.data)?;
         let storage = Storage::open(&config.database_url(), &config.storage_url()).await?;
+        // Safe, and of no use to anybody: most likely the keys are elsewhere. Who means it says so.
+        if config.asks_for_keys() && !config.auth && !keys::any(&storage.records).await? {
+            return Err(StartError::NoKeys(config.listen));
+        }
         let queue = Queue::new(storage.clone(), config.lease, config.max_attempts);
         // The lock proves that whoever ran these jobs and wrote these blobs is gone.
         queue.recover().await?;
@@ -121,7 +140,7 @@ impl Service {
         let listen = |error| StartError::Listen { address: config.listen, error };
         let listener = TcpListener::bind(config.listen).await.map_err(listen)?;
         let address = listener.local_addr().map_err(listen)?;
-        let (stop, release) = (CancellationToken::new(), CancellationToken::new());
+        let (stop, release, metrics) = (CancellationToken::new(), CancellationToken::new(), Metrics::new());
         let worker = Worker {
             storage: storage.clone(),
             queue: queue.clone(),
@@ -134,9 +153,13 @@ impl Service {
             release: release.clone(),
         };
         let slots = worker.spawn(config.concurrency, config.threads)?;
-        let (max_bytes, idle, limits) = (config.max_upload_bytes, config.upload_idle, config.limits);
-        let intake = Intake { storage: storage.clone(), max_bytes, idle, limits };
-        let api = Api { storage, queue, intake, draining: stop };
+        let (max_bytes, slowest, limits) = (config.max_upload_bytes, config.slowest, config.limits);
+        let intake = Intake { storage: storage.clone(), max_bytes, slowest, limits };
+        let rate = RateLimit::new(config.rate_per_second, config.rate_burst);
+        let door = Door::new(storage.records.clone(), config.asks_for_keys(), rate);
+        let (origins, space) =
+            (config.cors_origins.clone().into(), Space::new(config.local_folders(), config.keep_free));
+        let api = Api { storage, queue, intake, door, origins, metrics, space, draining: stop };
         Ok(Service { config, api, listener, address, slots, release, _lock: lock })
     }
 
@@ -180,12 +203,12 @@ impl Service {
         tracing::info!(address = %self.address, "listening");
         let draining = self.api.draining.clone();
         let router = self.router();
-        let stopped = draining.clone().cancelled_owned();
-        let server = axum::serve(self.listener, router).with_graceful_shutdown(stopped).into_future();
+        let (bounds, metrics) = (self.config.bounds, self.api.metrics.clone());
+        let server = connections::serve(self.listener, router, bounds, metrics, draining.clone());
         let mut server = AbortOnDropHandle::new(tokio::spawn(server));
         tokio::select! {
             () = shutdown => {}
-            served = &mut server => return served.map_err(io::Error::other)?,
+            served = &mut server => return served.map_err(io::Error::other),
         }
         tracing::info!("stopping");
         draining.cancel();

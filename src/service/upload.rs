@@ -2,20 +2,19 @@
 //! is not yet a stored part is at most one part.
 
 use super::jobs::worker::hex;
+use super::pace::{Pace, Slowest, TooSlow};
 use super::storage::parts::{Part, Parts};
 use super::storage::ray_sets::{self, RaySet};
 use super::storage::{self, Storage, new_id, ray_set_folder};
 use crate::pipeline::{self, Declared, Input, Limits};
 use bytes::{Bytes, BytesMut};
-use futures::{Stream, StreamExt};
+use futures::Stream;
 use sha2::{Digest, Sha256};
 use std::fmt::Display;
 use std::pin::pin;
 use std::sync::Arc;
-use std::time::Duration;
 use tokio::runtime::Handle;
 use tokio::task::spawn_blocking;
-use tokio::time::timeout;
 
 /// Length of every part but the last, bytes.
 pub const PART_BYTES: usize = 8 << 20;
@@ -34,9 +33,9 @@ pub enum Error {
     /// The sender stopped before its announced end.
     #[error("the body ended early: {0}")]
     Truncated(String),
-    /// The sender fell silent.
-    #[error("no byte came for {} s", .0.as_secs())]
-    Idle(Duration),
+    /// The sender was too slow, or fell silent.
+    #[error(transparent)]
+    Slow(#[from] TooSlow),
     /// Not the bytes the sender meant.
     #[error("sha-256 of what arrived is {found}, announced was {announced}")]
     Digest {
@@ -71,8 +70,8 @@ pub struct Intake {
     pub storage: Storage,
     /// Largest file, bytes.
     pub max_bytes: u64,
-    /// Longest silence.
-    pub idle: Duration,
+    /// The slowest sender that is waited for.
+    pub slowest: Slowest,
     /// What a ray file may ask of this machine.
     pub limits: Limits,
 }
@@ -118,7 +117,8 @@ impl Intake {
     ) -> Result<(RaySet, Vec<Part>), Error> {
         let mut body = pin!(body);
         let mut spool = Spool::new(self, id, announcement.byte_count);
-        while let Some(chunk) = timeout(self.idle, body.next()).await.map_err(|_| Error::Idle(self.idle))? {
+        let mut pace = Pace::new(self.slowest);
+        while let Some(chunk) = pace.next(&mut body).await? {
             spool.push(&chunk.map_err(|error| Error::Truncated(error.to_string()))?).await?;
         }
         let (parts, byte_count, sha256) = spool.end().await?;

@@ -55,6 +55,7 @@ fn the_contract_says_how_everything_can_fail() {
         "list_artifacts",
         "list_jobs",
         "list_ray_sets",
+        "metrics",
         "ready",
         "upload_ray_set",
     ];

@@ -6,6 +6,7 @@ use axum::body::Body;
 use axum::http::{HeaderMap, Method, Request, StatusCode};
 use http_body_util::BodyExt;
 use lampwright::service::jobs::worker::Runner;
+use lampwright::service::pace::Slowest;
 use lampwright::service::storage::records::{Records, Row, Statement};
 use lampwright::service::{Config, Service};
 use serde_json::{Value, json};
@@ -15,7 +16,12 @@ use tempfile::TempDir;
 use tower::ServiceExt;
 
 /// Every header a response may have; a new one is a decision, not an accident.
-const HEADERS: [&str; 19] = [
+const HEADERS: [&str; 25] = [
+    "access-control-allow-headers",
+    "access-control-allow-methods",
+    "access-control-allow-origin",
+    "access-control-expose-headers",
+    "access-control-max-age",
     "accept-ranges",
     "allow",
     "cache-control",
@@ -35,6 +41,7 @@ const HEADERS: [&str; 19] = [
     "date",
     "connection",
     "vary",
+    "www-authenticate",
 ];
 
 /// A response, read to its end.
@@ -88,8 +95,11 @@ impl Reply {
                 assert!(problem[member].as_str().is_some_and(|text| !text.is_empty()), "{member}: {problem}");
             }
         }
-        if self.status == StatusCode::SERVICE_UNAVAILABLE {
-            assert_eq!(self.header("retry-after"), "1");
+        match self.status.as_u16() {
+            401 => assert!(self.header("www-authenticate").starts_with("Bearer")),
+            429 => assert!(self.header("retry-after").parse::<u32>().unwrap() >= 1),
+            503 => assert_eq!(self.header("retry-after"), "1"),
+            _ => {}
         }
         if self.status == StatusCode::METHOD_NOT_ALLOWED {
             assert!(!self.header("allow").is_empty());
@@ -112,7 +122,7 @@ fn quick(folder: &Path) -> Config {
         lease: Duration::from_millis(600),
         poll: Duration::from_millis(100),
         grace: Duration::from_millis(400),
-        upload_idle: Duration::from_millis(400),
+        slowest: Slowest { interval: Duration::from_millis(400), bytes: 1 },
         concurrency: 1,
         threads: 1,
         ..Config::new(folder)

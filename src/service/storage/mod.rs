@@ -8,6 +8,8 @@ pub mod blobs;
 pub mod parts;
 /// Rows of ray sets.
 pub mod ray_sets;
+/// Room on local disks.
+pub mod space;
 
 use blobs::Blobs;
 use bytes::Bytes;

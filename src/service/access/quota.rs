@@ -1,0 +1,140 @@
+//! What a tenant may use, and uses. Counted in the transaction that would use more, while it holds the tenant's row: two
+//! requests at once cannot both take the last place.
+
+use super::super::storage::Error;
+use super::super::storage::records::{Records, Row, Transaction, sql};
+use super::tenants;
+
+/// Most that a tenant may use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Quota {
+    /// Bytes of ray files and artifacts kept.
+    pub stored_bytes: u64,
+    /// Jobs waiting.
+    pub queued_jobs: u64,
+    /// Jobs computed at once.
+    pub running_jobs: u64,
+}
+
+impl Default for Quota {
+    /// Bounded only by the disk and by the number of workers; ten thousand jobs may wait.
+    fn default() -> Quota {
+        let unbounded = i64::MAX.unsigned_abs();
+        Quota { stored_bytes: unbounded, queued_jobs: 10_000, running_jobs: unbounded }
+    }
+}
+
+/// What a tenant uses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Usage {
+    /// Bytes of ray files and artifacts kept.
+    pub stored_bytes: u64,
+    /// Jobs waiting.
+    pub queued_jobs: u64,
+    /// Jobs being computed.
+    pub running_jobs: u64,
+}
+
+/// Why a tenant gets no more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Exceeded {
+    /// Its bytes.
+    #[error("{used} of {limit} bytes are used")]
+    StoredBytes {
+        /// Kept now, bytes.
+        used: u64,
+        /// Most, bytes.
+        limit: u64,
+    },
+    /// Its waiting jobs.
+    #[error("{limit} jobs are waiting")]
+    QueuedJobs {
+        /// Most.
+        limit: u64,
+    },
+}
+
+const USAGE: &str = "SELECT \
+    CAST(COALESCE((SELECT SUM(byte_count) FROM ray_sets WHERE tenant = $1), 0) AS BIGINT) AS ray_bytes, \
+    CAST(COALESCE((SELECT SUM(artifacts.byte_count) FROM artifacts JOIN jobs ON jobs.id = artifacts.job_id \
+                   WHERE jobs.tenant = $1), 0) AS BIGINT) AS artifact_bytes, \
+    (SELECT COUNT(*) FROM jobs WHERE tenant = $1 AND state = 'queued') AS queued_jobs, \
+    (SELECT COUNT(*) FROM jobs WHERE tenant = $1 AND state = 'running') AS running_jobs";
+
+impl Quota {
+    /// This, but for what differs for `tenant`.
+    fn of(self, tenant: &tenants::Tenant) -> Quota {
+        Quota {
+            stored_bytes: tenant.stored_bytes.unwrap_or(self.stored_bytes),
+            queued_jobs: tenant.queued_jobs.unwrap_or(self.queued_jobs),
+            running_jobs: tenant.running_jobs.unwrap_or(self.running_jobs),
+        }
+    }
+
+    /// Bytes that `tenant` may still send: to be asked before they are.
+    ///
+    /// # Errors
+    /// The database did not answer. Within: none.
+    pub async fn room(self, records: &Records, tenant: &str) -> Result<Result<u64, Exceeded>, Error> {
+        let quota = self.of(&tenants::get(records, tenant).await?);
+        let used = usage(records, tenant).await?.stored_bytes;
+        Ok(quota.room_for(used, 1).map(|()| quota.stored_bytes - used))
+    }
+
+    /// Whether `tenant` has room for what the transaction has just added to its bytes.
+    ///
+    /// # Errors
+    /// The database did not answer. Within: it has not.
+    pub async fn admit_bytes(self, transaction: &mut Transaction, tenant: &str) -> Result<Result<(), Exceeded>, Error> {
+        let (quota, usage) = self.hold(transaction, tenant).await?;
+        Ok(quota.room_for(usage.stored_bytes, 0))
+    }
+
+    /// Whether `tenant` may queue one more job than it has. Right as the first statement of a transaction.
+    ///
+    /// # Errors
+    /// The database did not answer. Within: it may not.
+    pub async fn admit_job(self, transaction: &mut Transaction, tenant: &str) -> Result<Result<(), Exceeded>, Error> {
+        let (quota, usage) = self.hold(transaction, tenant).await?;
+        if usage.queued_jobs >= quota.queued_jobs {
+            return Ok(Err(Exceeded::QueuedJobs { limit: quota.queued_jobs }));
+        }
+        // What it gives will need room: none left is told now, not after the computation.
+        Ok(quota.room_for(usage.stored_bytes, 1))
+    }
+
+    fn room_for(self, used: u64, more: u64) -> Result<(), Exceeded> {
+        match used.saturating_add(more) > self.stored_bytes {
+            true => Err(Exceeded::StoredBytes { used, limit: self.stored_bytes }),
+            false => Ok(()),
+        }
+    }
+
+    /// The quota and usage of `tenant`, which nobody else changes until the transaction ends.
+    async fn hold(self, transaction: &mut Transaction, tenant: &str) -> Result<(Quota, Usage), Error> {
+        // Changes nothing and locks the row, which is made if need be.
+        let hold = sql("INSERT INTO tenants (id) VALUES ($1) ON CONFLICT (id) DO UPDATE SET id = excluded.id \
+                        RETURNING id, stored_bytes, queued_jobs, running_jobs");
+        let rows = transaction.read(hold.bind(tenant)).await?;
+        let quota = rows.first().map(tenants::tenant).transpose()?.map_or(self, |tenant| self.of(&tenant));
+        let rows = transaction.read(sql(USAGE).bind(tenant)).await?;
+        Ok((quota, rows.first().map(counted).transpose()?.unwrap_or_default()))
+    }
+}
+
+/// What `tenant` uses.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn usage(records: &Records, tenant: &str) -> Result<Usage, Error> {
+    let row = records.read_one(sql(USAGE).bind(tenant)).await?;
+    Ok(row.as_ref().map(counted).transpose()?.unwrap_or_default())
+}
+
+fn counted(row: &Row) -> Result<Usage, Error> {
+    Ok(Usage {
+        stored_bytes: row.count("ray_bytes")?.saturating_add(row.count("artifact_bytes")?),
+        queued_jobs: row.count("queued_jobs")?,
+        running_jobs: row.count("running_jobs")?,
+    })
+}
