@@ -29,6 +29,8 @@ pub mod openapi;
 pub mod keys;
 /// `tenants`: how much each may use.
 pub mod tenants;
+/// `backup`: a copy of everything.
+pub mod backup;
 /// `health`: is a running service well?
 pub mod health;
 

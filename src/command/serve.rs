@@ -108,7 +108,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         LogLines::Text => LogFormat::Text,
         LogLines::Json => LogFormat::Json,
     };
-    telemetry::init(format, &arguments.log);
+    let _telemetry = telemetry::init(format, &arguments.log);
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build();
     let runtime = runtime.map_err(|error| {
         Failure::failed("serve.runtime", error.to_string(), "Allow this process more threads and files.")

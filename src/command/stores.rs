@@ -3,7 +3,7 @@
 use super::Failure;
 use crate::service::Config;
 use crate::service::storage::records::Records;
-use crate::service::storage::{self, Storage};
+use crate::service::storage;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -42,23 +42,13 @@ impl Stores {
             Ok(done?)
         })
     }
-
-    /// Does `work` with both stores, which must be there.
-    ///
-    /// # Errors
-    /// A store cannot be opened, and those of `work`.
-    pub fn with_storage<T>(&self, work: impl AsyncFnOnce(&Storage) -> Result<T, storage::Error>) -> Result<T, Failure> {
-        let config = self.config();
-        run(async move {
-            let storage = Storage::open(&config.database_url(), &config.storage_url()).await?;
-            let done = work(&storage).await;
-            storage.records.close().await;
-            Ok(done?)
-        })
-    }
 }
 
-fn run<T>(work: impl Future<Output = Result<T, Failure>>) -> Result<T, Failure> {
+/// Waits for `work` on a runtime of its own.
+///
+/// # Errors
+/// Those of `work`; no runtime to be had.
+pub fn run<T>(work: impl Future<Output = Result<T, Failure>>) -> Result<T, Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let failed = |error: std::io::Error| Failure::failed("stores.runtime", error.to_string(), "Allow more files.");
     runtime.map_err(failed)?.block_on(work)

@@ -18,6 +18,10 @@ pub mod pace;
 pub mod upload;
 /// What is to be computed, and who computes it.
 pub mod jobs;
+/// What is kept no longer.
+pub mod retention;
+/// A copy of everything.
+pub mod backup;
 /// The service's face.
 pub mod api;
 
@@ -132,7 +136,8 @@ impl Service {
         if config.asks_for_keys() && !config.auth && !keys::any(&storage.records).await? {
             return Err(StartError::NoKeys(config.listen));
         }
-        let queue = Queue::new(storage.clone(), config.lease, config.max_attempts);
+        let metrics = Metrics::new();
+        let queue = Queue::new(storage.clone(), config.lease, config.max_attempts, metrics.clone());
         // The lock proves that whoever ran these jobs and wrote these blobs is gone.
         queue.recover().await?;
         let swept = storage.sweep().await?;
@@ -140,7 +145,7 @@ impl Service {
         let listen = |error| StartError::Listen { address: config.listen, error };
         let listener = TcpListener::bind(config.listen).await.map_err(listen)?;
         let address = listener.local_addr().map_err(listen)?;
-        let (stop, release, metrics) = (CancellationToken::new(), CancellationToken::new(), Metrics::new());
+        let (stop, release) = (CancellationToken::new(), CancellationToken::new());
         let worker = Worker {
             storage: storage.clone(),
             queue: queue.clone(),
@@ -149,6 +154,7 @@ impl Service {
             poll: config.poll,
             beat: config.beat(),
             patience: config.lease.saturating_mul(10),
+            metrics: metrics.clone(),
             stop: stop.clone(),
             release: release.clone(),
         };

@@ -1,6 +1,7 @@
 //! Every change of a job's state, one statement each. At least once begun, exactly once published: a worker's write names
 //! the fence its claim gave it, and zero rows changed means that the lease was lost and the result is nobody's.
 
+use super::super::metrics::Metrics;
 use super::super::storage::records::sql;
 use super::super::storage::{self, Storage, job_folder, new_id};
 use super::options::JobOptions;
@@ -69,14 +70,15 @@ pub struct Queue {
     owner: String,
     lease_ms: i64,
     max_attempts: u32,
+    metrics: Metrics,
     wake: Arc<Notify>,
 }
 
 impl Queue {
     /// The queue in `storage`, under a fresh name.
-    pub fn new(storage: Storage, lease: Duration, max_attempts: u32) -> Queue {
+    pub fn new(storage: Storage, lease: Duration, max_attempts: u32, metrics: Metrics) -> Queue {
         let lease_ms = i64::try_from(lease.as_millis()).unwrap_or(i64::MAX);
-        Queue { storage, owner: new_id(), lease_ms, max_attempts, wake: Arc::new(Notify::new()) }
+        Queue { storage, owner: new_id(), lease_ms, max_attempts, metrics, wake: Arc::new(Notify::new()) }
     }
 
     /// Resolves when a job may be ready in this process; another process's are found by polling.
@@ -294,6 +296,7 @@ impl Queue {
         let lost = json(&Failure::worker_lost(self.max_attempts))?;
         let swept = self.storage.records.write(sql(sweep).bind(lost).bind(self.owner.as_str())).await?;
         if swept > 0 {
+            self.metrics.leases_lost(swept);
             tracing::warn!(jobs = swept, "took back jobs of lost workers");
         }
         Ok(())

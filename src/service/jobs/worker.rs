@@ -1,5 +1,6 @@
 //! Takes jobs from the queue and computes them: the only caller of [`pipeline::run`], on threads that serve nobody else.
 
+use super::super::metrics::Metrics;
 use super::super::storage::parts::Parts;
 use super::super::storage::{self, Storage, ray_sets};
 use super::options::JobOptions;
@@ -16,6 +17,7 @@ use tokio::runtime::Handle;
 use tokio::task::{JoinError, JoinSet, spawn_blocking};
 use tokio::time::{Instant, MissedTickBehavior, interval, sleep};
 use tokio_util::sync::CancellationToken;
+use tracing::Instrument;
 
 /// The artifact that holds all others.
 pub const ZIP: &str = "model.zip";
@@ -61,6 +63,8 @@ pub struct Worker {
     pub beat: Duration,
     /// How long a job that is computed waits for room in the store.
     pub patience: Duration,
+    /// What is counted.
+    pub metrics: Metrics,
     /// Take no more jobs.
     pub stop: CancellationToken,
     /// Give back those at hand.
@@ -106,7 +110,8 @@ impl Worker {
         while !self.stop.is_cancelled() {
             match self.queue.claim().await {
                 Ok(Some(claim)) => {
-                    self.attempt(&claim, Arc::clone(&pool)).await;
+                    let span = tracing::info_span!("job", id = claim.id, attempt = claim.attempt);
+                    self.attempt(&claim, Arc::clone(&pool)).instrument(span).await;
                     continue;
                 }
                 Ok(None) => {}
@@ -123,6 +128,7 @@ impl Worker {
     /// One attempt at a job, from claim to the row that ends it.
     async fn attempt(&self, claim: &Claim, pool: Arc<ThreadPool>) {
         tracing::info!(job = claim.id, attempt = claim.attempt, "job begun");
+        let begun = Instant::now();
         let progress = Arc::new(Progress::default());
         // Dropped with this future, when the service is: a thread cannot be stopped, only told.
         let _stop_when_dropped = StopOnDrop(Arc::clone(&progress));
@@ -153,6 +159,7 @@ impl Worker {
         if !matches!(word, "succeeded") {
             self.forget(claim).await;
         }
+        self.metrics.attempted(word, begun.elapsed());
         tracing::info!(job = claim.id, attempt = claim.attempt, ending = word, "job ended");
     }
 
