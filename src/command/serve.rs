@@ -5,7 +5,7 @@ use super::Failure;
 use super::bounds::Bounds;
 use crate::pipeline::rays::synthetic;
 use crate::service::telemetry::{self, LogFormat};
-use crate::service::{Config, Service, StartError, Submitted};
+use crate::service::{Config, Role, Service, StartError, Submitted};
 use axum::Router;
 use axum::body::{Body, to_bytes};
 use axum::http::Request;
@@ -33,6 +33,15 @@ pub struct Arguments {
     /// Folder for everything that outlives the process; made if missing.
     #[arg(long, env = "LAMPWRIGHT_DATA", default_value = "data", value_name = "DIR")]
     data: PathBuf,
+    /// The database: sqlite:FILE or postgres://USER:PASSWORD@HOST/NAME [default: sqlite:DIR/service.db].
+    #[arg(long, env = "DATABASE_URL", value_name = "URL", hide_env_values = true)]
+    database_url: Option<String>,
+    /// The object store: file:DIR or s3://BUCKET/PREFIX, with AWS_* as usual [default: file:DIR/blobs].
+    #[arg(long, env = "STORAGE_URL", value_name = "URL")]
+    storage_url: Option<String>,
+    /// What this process does.
+    #[arg(long, env = "ROLE", value_enum, default_value_t)]
+    role: Part,
     /// Jobs computed at once [default: 2].
     #[arg(long, env = "LAMPWRIGHT_JOBS", value_name = "N", value_parser = at_least_one)]
     jobs: Option<usize>,
@@ -51,6 +60,15 @@ pub struct Arguments {
     /// Seconds that running jobs and open connections get when the service stops [default: 10].
     #[arg(long, env = "LAMPWRIGHT_GRACE", value_name = "SECONDS")]
     grace: Option<u64>,
+    /// How often a job may be begun before it counts as what kills its worker [default: 3].
+    #[arg(long, env = "LAMPWRIGHT_ATTEMPTS", value_name = "N", value_parser = at_least_one)]
+    attempts: Option<usize>,
+    /// Seconds that a worker may be silent before its job is given to another [default: 30].
+    #[arg(long, env = "LAMPWRIGHT_LEASE", value_name = "SECONDS", value_parser = at_least_one)]
+    lease: Option<usize>,
+    /// Seconds for which nothing was written where a blob is that no row names, before it is deleted [default: 86400].
+    #[arg(long, env = "LAMPWRIGHT_GARBAGE_AGE", value_name = "SECONDS", value_parser = at_least_one)]
+    garbage_age: Option<usize>,
     /// Do not begin an empty data folder with a known source.
     #[arg(long, env = "LAMPWRIGHT_NO_SAMPLE")]
     no_sample: bool,
@@ -72,6 +90,17 @@ enum Auth {
 }
 
 #[derive(Clone, Copy, Default, ValueEnum)]
+enum Part {
+    /// Answer clients; compute nothing.
+    Api,
+    /// Compute; answer only whether it is well.
+    Worker,
+    /// Both.
+    #[default]
+    All,
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
 enum LogLines {
     /// For a person.
     #[default]
@@ -87,7 +116,18 @@ fn at_least_one(text: &str) -> Result<usize, String> {
 impl Arguments {
     fn config(&self) -> Config {
         let defaults = Config::new(&self.data);
+        let seconds = |given: Option<usize>, default| given.map_or(default, |count| Duration::from_secs(count as u64));
         Config {
+            role: match self.role {
+                Part::Api => Role::Api,
+                Part::Worker => Role::Worker,
+                Part::All => Role::All,
+            },
+            database_url: self.database_url.clone(),
+            storage_url: self.storage_url.clone(),
+            max_attempts: self.attempts.map_or(defaults.max_attempts, |count| u32::try_from(count).unwrap_or(u32::MAX)),
+            lease: seconds(self.lease, defaults.lease),
+            garbage_age: seconds(self.garbage_age, defaults.garbage_age),
             listen: self.listen,
             concurrency: self.jobs.unwrap_or(defaults.concurrency),
             threads: self.threads.unwrap_or(defaults.threads),
@@ -123,14 +163,15 @@ async fn serve(arguments: &Arguments) -> Result<(), Failure> {
     let stop = stopping()?;
     let config = arguments.config();
     let asks_for_keys = config.asks_for_keys();
+    // A database of its own is a first start; one that others share is not to be filled by each of them. And with keys, the
+    // sample would be a tenant's whom nobody asked.
+    let unwanted = arguments.no_sample || asks_for_keys || !config.is_alone();
     let service = Service::start(config).await?;
     let site = format!("http://{}", reachable(service.address()));
     println!("Lampwright {} is at {site}", env!("CARGO_PKG_VERSION"));
     println!("  documentation   {site}/docs");
     let key = if asks_for_keys { " -H \"Authorization: Bearer $KEY\"" } else { "" };
     println!("  send a file     curl -X POST{key} -T FILE '{site}/v1/ray-sets?name=FILE'");
-    // With keys, the sample would be a tenant's whom nobody asked.
-    let unwanted = arguments.no_sample || asks_for_keys;
     if let Some(sample) = begin(&service, unwanted).await? {
         println!("  built-in sample {site}/v1/jobs/{}  ({SAMPLE}, {SAMPLE_RAYS} rays)", sample.job);
         tokio::spawn(tell_when_done(service.router(), site, sample));
@@ -209,7 +250,11 @@ impl From<StartError> for Failure {
                 "Make one for this database: lampwright keys create --tenant NAME. Or start with --auth on and make it later, \
                  or listen on 127.0.0.1.",
             ),
-            StartError::Storage(_) => ("serve.storage", "See that the data folder is whole and has room."),
+            StartError::Storage(_) => (
+                "serve.storage",
+                "See that the data folder is whole and has room, and that the engines named by DATABASE_URL and STORAGE_URL \
+                 answer.",
+            ),
             StartError::Threads(_) => ("serve.threads", "Give fewer with --threads or --jobs."),
         };
         Failure::failed(code, error.to_string(), remedy)

@@ -9,16 +9,42 @@ use std::path::PathBuf;
 use std::thread::available_parallelism;
 use std::time::Duration;
 
+/// What a process does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Role {
+    /// Answers clients; computes nothing.
+    Api,
+    /// Computes; answers only whether it is well.
+    Worker,
+    /// Both.
+    #[default]
+    All,
+}
+
+impl Role {
+    /// Answers clients.
+    pub fn answers(self) -> bool {
+        self != Role::Worker
+    }
+
+    /// Computes.
+    pub fn computes(self) -> bool {
+        self != Role::Api
+    }
+}
+
 /// Everything a service is started with; [`Config::new`] has the defaults.
 #[derive(Clone, Debug)]
 pub struct Config {
-    /// The folder that holds everything; one process at a time.
+    /// The folder that holds everything which is not elsewhere by its URL; one process at a time.
     pub data: PathBuf,
+    /// What this process does.
+    pub role: Role,
     /// Where to listen; port 0 takes any.
     pub listen: SocketAddr,
-    /// The database. Default: `sqlite:<data>/service.db`.
+    /// The database, `sqlite:` or `postgres:`. Default: `sqlite:<data>/service.db`.
     pub database_url: Option<String>,
-    /// The object store. Default: `file:<data>/blobs`.
+    /// The object store, `file:` or `s3://`. Default: `file:<data>/blobs`.
     pub storage_url: Option<String>,
     /// Largest ray file taken, bytes.
     pub max_upload_bytes: u64,
@@ -50,6 +76,8 @@ pub struct Config {
     pub lease: Duration,
     /// How often an idle worker looks for jobs it was not told of.
     pub poll: Duration,
+    /// For how long nothing was written where a blob is that no row names, before the blob is deleted.
+    pub garbage_age: Duration,
     /// How long a stopping service waits for running jobs and open connections.
     pub grace: Duration,
     /// What a ray file may ask of this machine.
@@ -72,6 +100,7 @@ impl Config {
     pub fn new(data: impl Into<PathBuf>) -> Config {
         Config {
             data: data.into(),
+            role: Role::All,
             listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 8080)),
             database_url: None,
             storage_url: None,
@@ -91,6 +120,7 @@ impl Config {
             max_attempts: 3,
             lease: Duration::from_secs(30),
             poll: Duration::from_secs(1),
+            garbage_age: Duration::from_secs(24 * 3600),
             grace: Duration::from_secs(10),
             limits: pipeline::Limits::default(),
         }
@@ -111,6 +141,17 @@ impl Config {
         let records = self.database_url().starts_with("sqlite:").then(|| self.data.clone());
         let blobs = self.storage_url().strip_prefix("file:").map(PathBuf::from);
         records.into_iter().chain(blobs).collect()
+    }
+
+    /// True when both stores are on this machine and belong to one process at a time. Then a lock on the data folder proves
+    /// at the start that whoever wrote before is gone; on shared engines only leases and the age of a blob can tell.
+    pub fn is_alone(&self) -> bool {
+        self.database_url().starts_with("sqlite:") && self.storage_url().starts_with("file:")
+    }
+
+    /// How often garbage is looked for.
+    pub fn garbage_period(&self) -> Duration {
+        (self.garbage_age / 24).max(Duration::from_secs(1))
     }
 
     /// The database to open.

@@ -8,6 +8,8 @@ pub mod telemetry;
 pub mod metrics;
 /// Who may do what.
 pub mod access;
+/// Which cryptography TLS uses.
+pub mod tls;
 /// What outlives the process: rows and blobs.
 pub mod storage;
 /// Takes connections.
@@ -25,7 +27,7 @@ pub mod backup;
 /// The service's face.
 pub mod api;
 
-pub use config::Config;
+pub use config::{Config, Role};
 
 use access::rate::RateLimit;
 use access::{Door, keys};
@@ -39,12 +41,13 @@ use std::fs::{File, TryLockError};
 use std::io;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use storage::Storage;
+use std::time::Duration;
 use storage::space::Space;
+use storage::{Storage, garbage};
 use tokio::io::AsyncRead;
 use tokio::net::TcpListener;
 use tokio::task::JoinSet;
-use tokio::time::{Instant, timeout, timeout_at};
+use tokio::time::{Instant, MissedTickBehavior, interval, timeout, timeout_at};
 use tokio_util::io::ReaderStream;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
@@ -112,8 +115,10 @@ pub struct Service {
     address: SocketAddr,
     slots: JoinSet<()>,
     release: CancellationToken,
+    /// Looks for garbage, and for what is kept no longer, as long as the service lives.
+    _upkeep: JoinSet<()>,
     /// Held as long as the service lives: proves that nobody else works in the data folder.
-    _lock: File,
+    _lock: Option<File>,
 }
 
 impl Service {
@@ -130,18 +135,26 @@ impl Service {
     /// # Errors
     /// [`StartError`].
     pub async fn start_with(config: Config, runner: Runner) -> Result<Service, StartError> {
-        let lock = lock(&config.data)?;
+        tls::install();
+        let lock = if config.is_alone() { Some(lock(&config.data)?) } else { None };
         let storage = Storage::open(&config.database_url(), &config.storage_url()).await?;
         // Safe, and of no use to anybody: most likely the keys are elsewhere. Who means it says so.
-        if config.asks_for_keys() && !config.auth && !keys::any(&storage.records).await? {
+        let answers_nobody = config.role.answers() && config.asks_for_keys() && !config.auth;
+        if answers_nobody && !keys::any(&storage.records).await? {
             return Err(StartError::NoKeys(config.listen));
         }
         let metrics = Metrics::new();
         let queue = Queue::new(storage.clone(), config.lease, config.max_attempts, metrics.clone());
-        // The lock proves that whoever ran these jobs and wrote these blobs is gone.
-        queue.recover().await?;
-        let swept = storage.sweep().await?;
-        tracing::info!(data = %config.data.display(), swept, "storage opened");
+        if lock.is_some() {
+            // The lock proves that whoever ran these jobs and wrote these blobs is gone. Where there is none, leases and
+            // the age of what lies about say it later.
+            queue.recover().await?;
+            garbage::collect(&storage, Duration::ZERO).await?;
+        }
+        tracing::info!(alone = lock.is_some(), role = ?config.role, "storage opened");
+        let mut upkeep = JoinSet::new();
+        upkeep.spawn(collect_garbage(storage.clone(), config.clone()));
+        upkeep.spawn(retention::keep_up(storage.clone(), queue.clone(), config.retention));
         let listen = |error| StartError::Listen { address: config.listen, error };
         let listener = TcpListener::bind(config.listen).await.map_err(listen)?;
         let address = listener.local_addr().map_err(listen)?;
@@ -158,15 +171,27 @@ impl Service {
             stop: stop.clone(),
             release: release.clone(),
         };
-        let slots = worker.spawn(config.concurrency, config.threads)?;
+        let slots = match config.role.computes() {
+            true => worker.spawn(config.concurrency, config.threads)?,
+            false => JoinSet::new(),
+        };
+        let api = Service::api(&config, storage, queue, metrics, stop);
+        Ok(Service { config, api, listener, address, slots, release, _upkeep: upkeep, _lock: lock })
+    }
+
+    fn api(config: &Config, storage: Storage, queue: Queue, metrics: Metrics, draining: CancellationToken) -> Api {
         let (max_bytes, slowest, limits) = (config.max_upload_bytes, config.slowest, config.limits);
-        let intake = Intake { storage: storage.clone(), max_bytes, slowest, limits };
         let rate = RateLimit::new(config.rate_per_second, config.rate_burst);
-        let door = Door::new(storage.records.clone(), config.asks_for_keys(), rate);
-        let (origins, space) =
-            (config.cors_origins.clone().into(), Space::new(config.local_folders(), config.keep_free));
-        let api = Api { storage, queue, intake, door, origins, metrics, space, draining: stop };
-        Ok(Service { config, api, listener, address, slots, release, _lock: lock })
+        Api {
+            intake: Intake { storage: storage.clone(), max_bytes, slowest, limits },
+            door: Door::new(storage.records.clone(), config.asks_for_keys(), rate),
+            origins: config.cors_origins.clone().into(),
+            space: Space::new(config.local_folders(), config.keep_free),
+            storage,
+            queue,
+            metrics,
+            draining,
+        }
     }
 
     /// Where it listens.
@@ -176,7 +201,10 @@ impl Service {
 
     /// Its face, for requests that come from within.
     pub fn router(&self) -> Router {
-        api::router(self.api.clone())
+        match self.config.role.answers() {
+            true => api::router(self.api.clone()),
+            false => api::health_router(self.api.clone()),
+        }
     }
 
     /// Takes in a ray file and queues a job with default options, the way any client's would be.
@@ -228,6 +256,20 @@ impl Service {
         self.api.storage.records.close().await;
         tracing::info!("stopped");
         Ok(())
+    }
+}
+
+/// Deletes what no row names, again and again.
+async fn collect_garbage(storage: Storage, config: Config) {
+    let mut ticker = interval(config.garbage_period());
+    ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        ticker.tick().await;
+        match garbage::collect(&storage, config.garbage_age).await {
+            Ok(0) => {}
+            Ok(blobs) => tracing::info!(blobs, "deleted blobs that no row names"),
+            Err(error) => tracing::warn!(%error, "cannot look for garbage; trying again later"),
+        }
     }
 }
 

@@ -6,6 +6,7 @@ use super::storage::ray_sets::{self, Deletion};
 use super::storage::records::{Row, Statement, sql};
 use super::storage::{Error, Storage, ray_set_folder};
 use std::time::Duration;
+use tokio::time::{MissedTickBehavior, interval};
 
 /// Rows looked at in one go.
 const BATCH: i64 = 100;
@@ -45,6 +46,23 @@ pub async fn enforce(storage: &Storage, queue: &Queue, retention: &Retention) ->
         }
     }
     Ok(deleted)
+}
+
+/// Enforces `retention` again and again, if it says anything.
+pub async fn keep_up(storage: Storage, queue: Queue, retention: Retention) {
+    if retention.jobs.is_none() && retention.ray_sets.is_none() {
+        return;
+    }
+    let mut ticker = interval(retention.every);
+    ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        ticker.tick().await;
+        match enforce(&storage, &queue, &retention).await {
+            Ok(deleted) if deleted == Deleted::default() => {}
+            Ok(Deleted { jobs, ray_sets }) => tracing::info!(jobs, ray_sets, "deleted what is kept no longer"),
+            Err(error) => tracing::warn!(%error, "cannot delete what is kept no longer; trying again later"),
+        }
+    }
 }
 
 /// Tenant and id of the oldest that may go.

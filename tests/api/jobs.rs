@@ -1,5 +1,5 @@
 use crate::runners::{Gate, held, prompt, stubborn};
-use crate::site::Site;
+use crate::site::{Site, on_engines};
 use axum::http::StatusCode;
 use lampwright::service::Config;
 use lampwright::service::jobs::options::JobOptions;
@@ -157,8 +157,8 @@ async fn pages_hold_every_entry_once_newest_first() {
 #[tokio::test]
 async fn only_the_transitions_of_the_table_happen() {
     let folder = tempfile::tempdir().unwrap();
-    let database = format!("sqlite:{}?mode=rwc", folder.path().join("x.db").display());
-    let storage = Storage::open(&database, &format!("file:{}", folder.path().join("blobs").display())).await.unwrap();
+    let config = on_engines(Config::new(folder.path())).await;
+    let storage = Storage::open(&config.database_url(), &config.storage_url()).await.unwrap();
     let row = ray_sets::RaySet {
         id: "r".into(),
         name: "r".into(),

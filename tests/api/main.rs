@@ -3,6 +3,8 @@
 
 #![expect(clippy::unwrap_used, clippy::panic, reason = "what a test stumbles over is its finding")]
 
+#[path = "../support/engines.rs"]
+mod engines;
 #[path = "../support/rays.rs"]
 mod rays;
 #[path = "../support/runners.rs"]

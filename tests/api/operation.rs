@@ -36,6 +36,9 @@ async fn it_says_that_it_is_well() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn it_says_that_its_store_is_gone() {
+    if crate::engines::are_shared() {
+        return;
+    }
     let site = Site::start(prompt()).await;
     // A folder in the way of the blobs cannot be written as a file, nor a file as a folder.
     let blobs = site.config.data.join("blobs");

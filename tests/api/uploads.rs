@@ -206,6 +206,9 @@ async fn a_ray_set_above_the_limits_is_refused_by_policy() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn parts_stay_until_the_next_start_when_the_database_fails_as_it_takes_their_row() {
+    if crate::engines::are_shared() {
+        return;
+    }
     let mut site = Site::start(prompt()).await;
     let known = site.ray_set().await;
     let fail = "CREATE TRIGGER fail BEFORE INSERT ON parts BEGIN SELECT RAISE(ABORT, 'disk I/O error'); END";

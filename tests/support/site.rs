@@ -1,12 +1,14 @@
 //! A service on a folder of its own and a client that sees everything: each response is held to what all responses owe, and
 //! rows and files can be looked at.
 
+use crate::engines::{self, Engines};
 use axum::Router;
 use axum::body::Body;
 use axum::http::{HeaderMap, Method, Request, StatusCode};
 use http_body_util::BodyExt;
 use lampwright::service::jobs::worker::Runner;
 use lampwright::service::pace::Slowest;
+use lampwright::service::storage::blobs::Blobs;
 use lampwright::service::storage::records::{Records, Row, Statement};
 use lampwright::service::{Config, Service};
 use serde_json::{Value, json};
@@ -129,6 +131,16 @@ fn quick(folder: &Path) -> Config {
     }
 }
 
+/// `config` on the servers, when there are any.
+pub async fn on_engines(config: Config) -> Config {
+    match engines::shared().await {
+        Some(Engines { database_url, storage_url }) => {
+            Config { database_url: Some(database_url), storage_url: Some(storage_url), ..config }
+        }
+        None => config,
+    }
+}
+
 impl Site {
     pub async fn start(runner: Runner) -> Site {
         Site::start_as(|config| config, runner).await
@@ -136,7 +148,7 @@ impl Site {
 
     pub async fn start_as(change: impl Fn(Config) -> Config, runner: Runner) -> Site {
         let folder = tempfile::tempdir().unwrap();
-        let config = change(quick(&folder.path().join("data")));
+        let config = change(on_engines(quick(&folder.path().join("data"))).await);
         let service = Service::start_with(config.clone(), runner).await.unwrap();
         Site { router: service.router(), folder, config, service: Some(service) }
     }
@@ -220,21 +232,13 @@ impl Site {
         self.until(job, |job| job["state"] == state).await
     }
 
-    /// Every file in the object store, relative to it.
+    /// Every key in the object store, in order.
     pub fn blobs(&self) -> Vec<String> {
-        fn walk(folder: &Path, found: &mut Vec<String>, root: &Path) {
-            for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-                match entry.file_type().unwrap().is_dir() {
-                    true => walk(&entry.path(), found, root),
-                    false => found.push(entry.path().strip_prefix(root).unwrap().display().to_string()),
-                }
-            }
-        }
-        let root = self.config.data.join("blobs");
-        let mut found = Vec::new();
-        walk(&root, &mut found, &root);
-        found.sort();
-        found
+        let store = Blobs::open(&self.config.storage_url()).unwrap();
+        let listed = tokio::task::block_in_place(|| tokio::runtime::Handle::current().block_on(store.list("")));
+        let mut keys: Vec<String> = listed.unwrap().into_iter().map(|blob| blob.key).collect();
+        keys.sort();
+        keys
     }
 
     /// Asks the database behind the service's back.

@@ -135,6 +135,22 @@ fn routes() -> OpenApiRouter<Api> {
 /// The service's face.
 pub fn router(api: Api) -> Router {
     let (router, _) = routes().split_for_parts();
+    let router = router
+        .route("/openapi.json", get(docs::contract))
+        .route("/", get(docs::front))
+        .route("/docs", get(docs::index))
+        .route("/docs/", get(docs::first_page))
+        .route("/docs/{*path}", get(docs::file));
+    dressed(router, api)
+}
+
+/// The face of a process that only computes: whether it is well.
+pub fn health_router(api: Api) -> Router {
+    dressed(Router::new().route("/healthz", get(health::live)).route("/readyz", get(health::ready)), api)
+}
+
+/// What stands before every route.
+fn dressed(router: Router<Api>, api: Api) -> Router {
     let layers = ServiceBuilder::new()
         .layer(SetRequestIdLayer::new(REQUEST_ID, NewRequestId))
         .layer(TraceLayer::new_for_http().make_span_with(span))
@@ -149,11 +165,6 @@ pub fn router(api: Api) -> Router {
         .layer(middleware::from_fn_with_state(api.clone(), metrics::counted))
         .layer(CatchPanicLayer::custom(panicked));
     router
-        .route("/openapi.json", get(docs::contract))
-        .route("/", get(docs::front))
-        .route("/docs", get(docs::index))
-        .route("/docs/", get(docs::first_page))
-        .route("/docs/{*path}", get(docs::file))
         .fallback(async |uri: Uri| Problem::no_route(uri.path()))
         .method_not_allowed_fallback(async |method: Method| Problem::method_not_allowed(method.as_str()))
         .layer(layers)

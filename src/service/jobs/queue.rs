@@ -66,7 +66,9 @@ pub enum Beat {
 #[derive(Clone)]
 pub struct Queue {
     storage: Storage,
-    /// Fresh per start: a name that comes back would make a dead worker look alive.
+    /// This process, by a name fresh per start: one that comes back would make a dead worker look alive.
+    process: String,
+    /// Who claims here: a slot of this process, which has one job at a time.
     owner: String,
     lease_ms: i64,
     max_attempts: u32,
@@ -78,7 +80,15 @@ impl Queue {
     /// The queue in `storage`, under a fresh name.
     pub fn new(storage: Storage, lease: Duration, max_attempts: u32, metrics: Metrics) -> Queue {
         let lease_ms = i64::try_from(lease.as_millis()).unwrap_or(i64::MAX);
-        Queue { storage, owner: new_id(), lease_ms, max_attempts, metrics, wake: Arc::new(Notify::new()) }
+        let process = new_id();
+        let owner = format!("{process}.0");
+        Queue { storage, process, owner, lease_ms, max_attempts, metrics, wake: Arc::new(Notify::new()) }
+    }
+
+    /// The queue as slot `slot` of this process sees it. A slot asks for a job only when it has none.
+    #[must_use]
+    pub fn of_slot(&self, slot: usize) -> Queue {
+        Queue { owner: format!("{}.{slot}", self.process), ..self.clone() }
     }
 
     /// Resolves when a job may be ready in this process; another process's are found by polling.
@@ -99,7 +109,7 @@ impl Queue {
         transaction.write(insert).await?;
         for (position, ray_set) in ray_sets.iter().enumerate() {
             let insert = "INSERT INTO job_inputs (job_id, position, ray_set_id) \
-                          SELECT $1, $2, id FROM ray_sets WHERE id = $3";
+                          SELECT $1, $2, id FROM ray_sets WHERE id = $3 {for_share}";
             let insert = sql(insert).bind(id.as_str()).bind(position as i64).bind(ray_set.as_str());
             if transaction.write(insert).await? == 0 {
                 return Err(Error::MissingRaySet(ray_set.clone()));
@@ -284,7 +294,8 @@ impl Queue {
         self.sweep().await
     }
 
-    /// Takes back jobs whose lease has ended. Never this process's own: its worker may only have been slow to beat.
+    /// Takes back jobs whose lease has ended; never those of this process, whose worker may only have been slow to beat. And
+    /// those of this slot, which has none: their claim was made, and its answer lost with the connection.
     async fn sweep(&self) -> Result<(), storage::Error> {
         let sweep = "UPDATE jobs SET \
                      state = CASE WHEN cancel_requested = 1 THEN 'cancelled' WHEN attempt >= max_attempts \
@@ -292,9 +303,10 @@ impl Queue {
                      failure = CASE WHEN cancel_requested = 0 AND attempt >= max_attempts THEN $1 END, \
                      finished_ms = CASE WHEN cancel_requested = 1 OR attempt >= max_attempts THEN {now} END, \
                      lease_owner = NULL, lease_until_ms = NULL, stage = NULL, stage_progress = 0 \
-                     WHERE state = 'running' AND lease_until_ms < {now} AND lease_owner <> $2";
-        let lost = json(&Failure::worker_lost(self.max_attempts))?;
-        let swept = self.storage.records.write(sql(sweep).bind(lost).bind(self.owner.as_str())).await?;
+                     WHERE id IN (SELECT id FROM jobs WHERE state = 'running' AND (lease_owner = $2 \
+                     OR (lease_until_ms < {now} AND lease_owner NOT LIKE $3)) {skip_locked})";
+        let sweep = sql(sweep).bind(json(&Failure::worker_lost(self.max_attempts))?).bind(self.owner.as_str());
+        let swept = self.storage.records.write(sweep.bind(format!("{}.%", self.process))).await?;
         if swept > 0 {
             self.metrics.leases_lost(swept);
             tracing::warn!(jobs = swept, "took back jobs of lost workers");

@@ -101,7 +101,7 @@ impl Worker {
             let name = move |thread: usize| format!("pipeline-{slot}-{thread}");
             // A pool per job: on a shared one, a long job would keep every thread and starve the other.
             let pool = Arc::new(ThreadPoolBuilder::new().num_threads(threads.max(1)).thread_name(name).build()?);
-            slots.spawn(self.clone().slot(pool));
+            slots.spawn(Worker { queue: self.queue.of_slot(slot), ..self.clone() }.slot(pool));
         }
         Ok(slots)
     }

@@ -1,40 +1,88 @@
 //! The object store: the only file that names it. Blobs are written once and never changed; a key says whose they are:
 //! `ray-sets/<ray set>/<part>` and `artifacts/<job>/<fence>/<name>`.
 
+use super::super::tls;
 use super::Error;
 use bytes::Bytes;
 use futures::stream::BoxStream;
 use futures::{StreamExt, TryStreamExt};
+use object_store::aws::{AmazonS3Builder, AmazonS3ConfigKey};
 use object_store::local::LocalFileSystem;
 use object_store::path::Path;
-use object_store::{GetOptions, GetRange, ObjectStore, ObjectStoreExt};
+use object_store::prefix::PrefixStore;
+use object_store::{BackoffConfig, ClientConfigKey, GetOptions, GetRange, ObjectStore, ObjectStoreExt, RetryConfig};
 use std::io;
+use std::net::IpAddr;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::{Duration, SystemTime};
 use tokio::task::spawn_blocking;
+
+/// How long S3 is asked again for one request. A worker's own retries begin after it, and a client hears of it.
+const S3_PATIENCE: Duration = Duration::from_secs(15);
+/// Longest time for one request, the transfer of a part over a slow line included.
+const S3_TIMEOUT: &str = "120 seconds";
 
 /// The store. Cheap to clone.
 #[derive(Clone)]
 pub struct Blobs {
     store: Arc<dyn ObjectStore>,
     /// Where the local store keeps its files.
-    folder: PathBuf,
+    folder: Option<PathBuf>,
+}
+
+/// A blob as the store lists it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Listed {
+    /// Its key.
+    pub key: String,
+    /// How long ago it was written, by the clocks of the store and of this machine.
+    pub age: Duration,
 }
 
 impl Blobs {
-    /// Opens the store at `url`: `file:<folder>`.
+    /// Opens the store at `url`: `file:<folder>` or `s3://<bucket>/<prefix>`. Region, endpoint and credentials of S3 are
+    /// those of the usual `AWS_*` variables.
     ///
     /// # Errors
-    /// A kind of store we do not have; a folder that cannot be made.
+    /// A kind of store we do not have; a folder that cannot be made; a bucket that cannot be had as it is written.
     pub fn open(url: &str) -> Result<Blobs, Error> {
-        let Some(folder) = url.strip_prefix("file:") else {
-            return Err(Error::Unsupported(format!("store {}", url.split(':').next().unwrap_or_default())));
-        };
-        std::fs::create_dir_all(folder).map_err(|error| Error::Blobs(Box::new(error)))?;
+        if let Some(folder) = url.strip_prefix("file:") {
+            return Blobs::open_folder(folder.into());
+        }
+        match url.strip_prefix("s3://") {
+            Some(place) => Blobs::open_bucket(place),
+            None => Err(Error::Unsupported(format!("store {}", url.split(':').next().unwrap_or_default()))),
+        }
+    }
+
+    fn open_folder(folder: PathBuf) -> Result<Blobs, Error> {
+        std::fs::create_dir_all(&folder).map_err(|error| Error::Blobs(Box::new(error)))?;
         // A row that names a blob must not outlive it in a power cut: off by default in this library.
-        let store = LocalFileSystem::new_with_prefix(folder)?.with_fsync(true).with_automatic_cleanup(true);
-        Ok(Blobs { store: Arc::new(store), folder: folder.into() })
+        let store = LocalFileSystem::new_with_prefix(&folder)?.with_fsync(true).with_automatic_cleanup(true);
+        Ok(Blobs { store: Arc::new(store), folder: Some(folder) })
+    }
+
+    fn open_bucket(place: &str) -> Result<Blobs, Error> {
+        tls::install();
+        let (bucket, prefix) = place.split_once('/').unwrap_or((place, ""));
+        let builder = AmazonS3Builder::from_env().with_bucket_name(bucket);
+        // Without TLS only on this machine, where nobody listens in; AWS_ALLOW_HTTP says otherwise.
+        let endpoint = builder.get_config_value(&AmazonS3ConfigKey::Endpoint);
+        let builder = match endpoint.is_some_and(|endpoint| is_loopback(&endpoint)) {
+            true => builder.with_allow_http(true),
+            false => builder,
+        };
+        let builder = builder.with_config(AmazonS3ConfigKey::Client(ClientConfigKey::Timeout), S3_TIMEOUT);
+        let backoff = BackoffConfig { max_backoff: Duration::from_secs(3), ..BackoffConfig::default() };
+        let retry = RetryConfig { backoff, max_retries: 10, retry_timeout: S3_PATIENCE };
+        let store = builder.with_retry(retry).build()?;
+        let store: Arc<dyn ObjectStore> = match prefix.trim_matches('/') {
+            "" => Arc::new(store),
+            prefix => Arc::new(PrefixStore::new(store, prefix)),
+        };
+        Ok(Blobs { store, folder: None })
     }
 
     /// Writes a blob, durably.
@@ -86,19 +134,24 @@ impl Blobs {
     ///
     /// # Errors
     /// The store did not answer.
-    pub async fn list(&self, prefix: &str) -> Result<Vec<String>, Error> {
+    pub async fn list(&self, prefix: &str) -> Result<Vec<Listed>, Error> {
+        let now = SystemTime::now();
         let metas = self.store.list(Some(&Path::from(prefix)));
-        Ok(metas.map_ok(|meta| meta.location.to_string()).try_collect().await?)
+        let listed = metas.map_ok(|meta| Listed {
+            key: meta.location.to_string(),
+            age: now.duration_since(meta.last_modified.into()).unwrap_or_default(),
+        });
+        Ok(listed.try_collect().await?)
     }
 
     /// Deletes what the local store was writing when its process was killed: `<key>#<number>`, which it does not list. Only
-    /// right while nobody writes. How many.
+    /// what is older than `age`; 0 is only right while nobody writes. How many.
     ///
     /// # Errors
     /// The folder cannot be walked.
-    pub async fn delete_unfinished(&self) -> Result<usize, Error> {
-        let folder = self.folder.clone();
-        let deleted = spawn_blocking(move || delete_unfinished_in(&folder)).await;
+    pub async fn delete_unfinished(&self, age: Duration) -> Result<usize, Error> {
+        let Some(folder) = self.folder.clone() else { return Ok(0) };
+        let deleted = spawn_blocking(move || delete_unfinished_in(&folder, age)).await;
         deleted.map_err(|error| Error::Blobs(Box::new(error)))?.map_err(|error| Error::Blobs(Box::new(error)))
     }
 
@@ -107,20 +160,32 @@ impl Blobs {
     /// # Errors
     /// The store did not answer.
     pub async fn delete_all(&self, prefix: &str) -> Result<(), Error> {
-        for key in self.list(prefix).await? {
-            self.delete(&key).await?;
+        for blob in self.list(prefix).await? {
+            self.delete(&blob.key).await?;
         }
         Ok(())
     }
 }
 
-fn delete_unfinished_in(folder: &std::path::Path) -> io::Result<usize> {
+/// True for `http://` to this very machine.
+fn is_loopback(endpoint: &str) -> bool {
+    let Some(authority) = endpoint.strip_prefix("http://").and_then(|rest| rest.split('/').next()) else { return false };
+    let host = match authority.strip_prefix('[') {
+        Some(rest) => rest.split(']').next().unwrap_or_default(),
+        None => authority.split(':').next().unwrap_or_default(),
+    };
+    host == "localhost" || host.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback())
+}
+
+fn delete_unfinished_in(folder: &std::path::Path, age: Duration) -> io::Result<usize> {
     let mut deleted = 0;
     for entry in std::fs::read_dir(folder)? {
         let entry = entry?;
         if entry.file_type()?.is_dir() {
-            deleted += delete_unfinished_in(&entry.path())?;
-        } else if entry.file_name().to_string_lossy().contains('#') {
+            deleted += delete_unfinished_in(&entry.path(), age)?;
+        } else if entry.file_name().to_string_lossy().contains('#')
+            && entry.metadata()?.modified()?.elapsed().unwrap_or_default() >= age
+        {
             std::fs::remove_file(entry.path())?;
             deleted += 1;
         }
@@ -138,5 +203,20 @@ impl From<object_store::Error> for Error {
             cause = inner.source();
         }
         Error::Blobs(Box::new(error))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_loopback;
+
+    #[test]
+    fn only_this_machine_is_asked_without_tls() {
+        for here in ["http://127.0.0.1:9000", "http://[::1]:9000/x", "http://localhost", "http://127.9.9.9/"] {
+            assert!(is_loopback(here), "{here}");
+        }
+        for away in ["http://10.0.0.1:9000", "http://localhost.example.org", "http://127.0.0.1.nip.io", "https://x", ""] {
+            assert!(!is_loopback(away), "{away}");
+        }
     }
 }

@@ -10,11 +10,12 @@ pub mod parts;
 pub mod ray_sets;
 /// Room on local disks.
 pub mod space;
+/// Blobs that no row names.
+pub mod garbage;
 
 use blobs::Blobs;
 use bytes::Bytes;
 use records::{Records, sql};
-use std::collections::HashSet;
 use uuid::Uuid;
 
 /// Why the stores could not be used.
@@ -76,20 +77,5 @@ impl Storage {
         let probe = format!("probes/{}", new_id());
         self.blobs.put(&probe, Bytes::from_static(b"ready")).await?;
         self.blobs.delete(&probe).await
-    }
-
-    /// Deletes blobs that no row names: what a killed process left behind. Only right while nobody else writes.
-    ///
-    /// # Errors
-    /// [`Error`]: a store did not answer.
-    pub async fn sweep(&self) -> Result<usize, Error> {
-        let rows = self.records.read(sql("SELECT blob FROM parts UNION ALL SELECT blob FROM artifacts")).await?;
-        let named = rows.iter().map(|row| row.text("blob")).collect::<Result<HashSet<String>, Error>>()?;
-        let mut swept = self.blobs.delete_unfinished().await?;
-        for key in self.blobs.list("").await?.iter().filter(|key| !named.contains(*key)) {
-            self.blobs.delete(key).await?;
-            swept += 1;
-        }
-        Ok(swept)
     }
 }

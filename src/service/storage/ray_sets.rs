@@ -96,10 +96,15 @@ pub async fn parts(records: &Records, id: &str) -> Result<Vec<Part>, Error> {
 /// # Errors
 /// The database did not answer.
 pub async fn delete(records: &Records, id: &str) -> Result<Deletion, Error> {
+    let mut transaction = records.begin().await?;
+    // Waits for whoever is queuing a job for it, and makes those that come later wait: only then can the jobs be looked at.
+    transaction.write(sql("UPDATE ray_sets SET name = name WHERE id = $1").bind(id)).await?;
     let delete = "DELETE FROM ray_sets WHERE id = $1 AND NOT EXISTS (SELECT 1 FROM job_inputs \
                   JOIN jobs ON jobs.id = job_inputs.job_id \
                   WHERE job_inputs.ray_set_id = $1 AND jobs.state IN ('queued', 'running'))";
-    if records.write(sql(delete).bind(id)).await? > 0 {
+    let deleted = transaction.write(sql(delete).bind(id)).await?;
+    transaction.commit().await?;
+    if deleted > 0 {
         return Ok(Deletion::Deleted);
     }
     Ok(if get(records, id).await?.is_some() { Deletion::Needed } else { Deletion::Missing })

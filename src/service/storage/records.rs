@@ -1,5 +1,6 @@
-//! The database: the only file that names sqlx. Callers write one SQL text for every engine, with `$1` for values and
-//! `{now}` for the database's clock in epoch milliseconds; `{skip_locked}` is empty where one writer is the rule.
+//! The database: the only file that names sqlx. Callers write one SQL text for both engines: `$1` for values, and the words
+//! of [`Dialect`] in braces where the engines differ. What else to know of PostgreSQL: `SUM` of a BIGINT is no BIGINT (cast
+//! it), and a type that is not TEXT, BIGINT, DOUBLE PRECISION or BYTEA cannot be read.
 
 use super::Error;
 use sqlx::any::{AnyArguments, AnyPoolOptions, AnyRow};
@@ -7,14 +8,49 @@ use sqlx::migrate::Migrator;
 use sqlx::query::Query;
 use sqlx::{Any, AnyPool, AssertSqlSafe, Executor, Row as _};
 use std::borrow::Cow;
+use std::time::Duration;
 
 static MIGRATIONS: Migrator = sqlx::migrate!("src/service/storage/migrations");
 
-/// SQLite's PRAGMAs belong to the connection, not to the file.
-const SQLITE_CONNECTION: &str = "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON; \
-                                 PRAGMA busy_timeout = 10000;";
-const SQLITE_NOW: &str = "CAST(unixepoch('subsec') * 1000 AS INTEGER)";
-const READERS: u32 = 4;
+/// The words that the engines say differently.
+struct Dialect {
+    /// `{now}`: the database's clock, epoch ms. One clock for all nodes, so leases need no synchronised machines.
+    now: &'static str,
+    /// `{skip_locked}`: of the rows found, lock those that nobody else has. Empty where there is one writer.
+    skip_locked: &'static str,
+    /// `{for_share}`: nobody may delete the row that was found before this transaction ends. Empty where there is one writer.
+    for_share: &'static str,
+    /// What every new connection is told.
+    connection: &'static str,
+    /// Longest wait for a connection; while the database is away, how long a request takes to say so.
+    acquire: Duration,
+}
+
+/// PRAGMAs belong to the connection, not to the file.
+static SQLITE: Dialect = Dialect {
+    now: "CAST(unixepoch('subsec') * 1000 AS BIGINT)",
+    skip_locked: "",
+    for_share: "",
+    connection: "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON; \
+                 PRAGMA busy_timeout = 10000;",
+    acquire: Duration::from_secs(30),
+};
+
+/// A process that is stopped within a transaction must not hold its rows for ever: the server ends its session.
+static POSTGRES: Dialect = Dialect {
+    now: "CAST(EXTRACT(EPOCH FROM statement_timestamp()) * 1000 AS BIGINT)",
+    skip_locked: "FOR UPDATE SKIP LOCKED",
+    for_share: "FOR SHARE",
+    connection: "SET statement_timeout = '30s'; SET idle_in_transaction_session_timeout = '10s';",
+    acquire: Duration::from_secs(5),
+};
+
+/// Connections that read a SQLite file, next to the one that writes.
+const SQLITE_READERS: u32 = 4;
+/// Connections of one process to PostgreSQL, which has 100 by default for all of them.
+const POSTGRES_CONNECTIONS: u32 = 12;
+/// How long a starting process waits for PostgreSQL to start too, and for another's migration to end.
+const POSTGRES_START: Duration = Duration::from_secs(60);
 
 /// A value for a `$n`.
 #[derive(Clone, Debug)]
@@ -73,13 +109,17 @@ impl Statement {
         self
     }
 
-    fn query(self) -> Query<'static, Any, AnyArguments> {
-        let text = match self.text.contains('{') {
-            true => Cow::Owned(self.text.replace("{now}", SQLITE_NOW).replace("{skip_locked}", "")),
-            false => Cow::Borrowed(self.text),
+    fn query(self, dialect: &Dialect) -> Query<'static, Any, AnyArguments> {
+        let words =
+            [("{now}", dialect.now), ("{skip_locked}", dialect.skip_locked), ("{for_share}", dialect.for_share)];
+        let say = |text: Cow<'static, str>, (word, said): (&str, &str)| match text.contains(word) {
+            true => Cow::Owned(text.replace(word, said)),
+            false => text,
         };
+        let text = words.into_iter().fold(Cow::Borrowed(self.text), say);
         // Safe: made of literals only; every value is bound.
         let query = sqlx::query(AssertSqlSafe(text));
+        // An absent text is bound as a TEXT that is NULL, never as a NULL of no type: PostgreSQL could not tell what it is.
         self.values.into_iter().fold(query, |query, value| match value {
             Value::Text(text) => query.bind(text),
             Value::Number(number) => query.bind(number),
@@ -142,31 +182,40 @@ impl Row {
 }
 
 /// The database. Cheap to clone. SQLite has one writer; giving it one connection to write with queues writers in order
-/// instead of letting them fail with SQLITE_BUSY.
+/// instead of letting them fail with SQLITE_BUSY. PostgreSQL needs no such rule: there, both pools are one.
 #[derive(Clone)]
 pub struct Records {
+    dialect: &'static Dialect,
     writer: AnyPool,
     readers: AnyPool,
 }
 
 impl Records {
-    /// Opens the database at `url` and brings its schema up to date.
+    /// Opens the database at `url`, `sqlite:<file>` or `postgres:<where>`, and brings its schema up to date; of several that
+    /// do so at once, one does it and the others wait.
     ///
     /// # Errors
     /// An engine we do not have; a database that does not answer or was made by a newer version.
     pub async fn open(url: &str) -> Result<Records, Error> {
-        if !url.starts_with("sqlite:") {
-            return Err(Error::Unsupported(format!("database {}", url.split(':').next().unwrap_or_default())));
-        }
         sqlx::any::install_default_drivers();
-        let pool = |connections: u32| {
-            AnyPoolOptions::new().max_connections(connections).after_connect(|connection, _| {
-                Box::pin(async move { connection.execute(SQLITE_CONNECTION).await.map(|_| ()) })
-            })
-        };
-        let writer = pool(1).connect(url).await?;
-        MIGRATIONS.run(&writer).await.map_err(|error| Error::Records(Box::new(error)))?;
-        Ok(Records { writer, readers: pool(READERS).connect(url).await? })
+        match url.split(':').next().unwrap_or_default() {
+            "sqlite" => {
+                let writer = pool(&SQLITE, 1).connect(url).await?;
+                migrate(&writer).await?;
+                let readers = pool(&SQLITE, SQLITE_READERS).connect(url).await?;
+                Ok(Records { dialect: &SQLITE, writer, readers })
+            }
+            "postgres" | "postgresql" => {
+                // A connection without a time limit: the lock of a migration may be long another's.
+                let migrator = AnyPoolOptions::new().max_connections(1).acquire_timeout(POSTGRES_START);
+                let migrator = migrator.connect(url).await?;
+                migrate(&migrator).await?;
+                migrator.close().await;
+                let pool = pool(&POSTGRES, POSTGRES_CONNECTIONS).connect(url).await?;
+                Ok(Records { dialect: &POSTGRES, writer: pool.clone(), readers: pool })
+            }
+            other => Err(Error::Unsupported(format!("database {other}"))),
+        }
     }
 
     /// The rows that a SELECT finds.
@@ -174,7 +223,7 @@ impl Records {
     /// # Errors
     /// The database did not answer.
     pub async fn read(&self, statement: Statement) -> Result<Vec<Row>, Error> {
-        Ok(statement.query().fetch_all(&self.readers).await?.into_iter().map(Row).collect())
+        Ok(statement.query(self.dialect).fetch_all(&self.readers).await?.into_iter().map(Row).collect())
     }
 
     /// The one row that a SELECT finds, if any.
@@ -182,7 +231,7 @@ impl Records {
     /// # Errors
     /// The database did not answer.
     pub async fn read_one(&self, statement: Statement) -> Result<Option<Row>, Error> {
-        Ok(statement.query().fetch_optional(&self.readers).await?.map(Row))
+        Ok(statement.query(self.dialect).fetch_optional(&self.readers).await?.map(Row))
     }
 
     /// Changes rows, in a transaction of its own; how many.
@@ -190,7 +239,7 @@ impl Records {
     /// # Errors
     /// The database did not answer.
     pub async fn write(&self, statement: Statement) -> Result<u64, Error> {
-        Ok(statement.query().execute(&self.writer).await?.rows_affected())
+        Ok(statement.query(self.dialect).execute(&self.writer).await?.rows_affected())
     }
 
     /// Begins a transaction; dropped without [`Transaction::commit`], it never was. Its first statement should write.
@@ -198,7 +247,7 @@ impl Records {
     /// # Errors
     /// The database did not answer.
     pub async fn begin(&self) -> Result<Transaction, Error> {
-        Ok(Transaction(self.writer.begin().await?))
+        Ok(Transaction { dialect: self.dialect, inner: self.writer.begin().await? })
     }
 
     /// Ends every connection, and with them the write-ahead log.
@@ -208,8 +257,22 @@ impl Records {
     }
 }
 
+/// Connections of which each knows its dialect's rules. One that the database dropped is replaced when it is next asked for.
+fn pool(dialect: &'static Dialect, connections: u32) -> AnyPoolOptions {
+    let options = AnyPoolOptions::new().max_connections(connections).acquire_timeout(dialect.acquire);
+    options
+        .after_connect(move |connection, _| Box::pin(async move { connection.execute(dialect.connection).await.map(|_| ()) }))
+}
+
+async fn migrate(pool: &AnyPool) -> Result<(), Error> {
+    MIGRATIONS.run(pool).await.map_err(|error| Error::Records(Box::new(error)))
+}
+
 /// Several statements, all or none.
-pub struct Transaction(sqlx::Transaction<'static, Any>);
+pub struct Transaction {
+    dialect: &'static Dialect,
+    inner: sqlx::Transaction<'static, Any>,
+}
 
 impl Transaction {
     /// Changes rows; how many.
@@ -217,7 +280,7 @@ impl Transaction {
     /// # Errors
     /// The database did not answer.
     pub async fn write(&mut self, statement: Statement) -> Result<u64, Error> {
-        Ok(statement.query().execute(&mut *self.0).await?.rows_affected())
+        Ok(statement.query(self.dialect).execute(&mut *self.inner).await?.rows_affected())
     }
 
     /// The rows that a SELECT finds or a RETURNING gives.
@@ -225,7 +288,7 @@ impl Transaction {
     /// # Errors
     /// The database did not answer.
     pub async fn read(&mut self, statement: Statement) -> Result<Vec<Row>, Error> {
-        Ok(statement.query().fetch_all(&mut *self.0).await?.into_iter().map(Row).collect())
+        Ok(statement.query(self.dialect).fetch_all(&mut *self.inner).await?.into_iter().map(Row).collect())
     }
 
     /// Makes it so.
@@ -233,7 +296,7 @@ impl Transaction {
     /// # Errors
     /// The database did not answer: it may or may not be so.
     pub async fn commit(self) -> Result<(), Error> {
-        Ok(self.0.commit().await?)
+        Ok(self.inner.commit().await?)
     }
 }
 
