@@ -3,6 +3,7 @@
 
 use super::Failure;
 use super::bounds::Bounds;
+use crate::pipeline::Limits;
 use crate::pipeline::rays::synthetic;
 use crate::service::telemetry::{self, LogFormat};
 use crate::service::{Config, Role, Service, StartError, Submitted};
@@ -48,7 +49,7 @@ pub struct Arguments {
     /// Threads each job computes on [default: as many as the machine has].
     #[arg(long, env = "LAMPWRIGHT_THREADS", value_name = "N", value_parser = at_least_one)]
     threads: Option<usize>,
-    /// Largest ray file taken, bytes [default: 64 GiB].
+    /// Largest file taken, and most bytes that a packed one may unpack to [default: 64 GiB].
     #[arg(long, env = "LAMPWRIGHT_MAX_UPLOAD", value_name = "BYTES")]
     max_upload: Option<u64>,
     /// Ask for keys. Where others can reach the service it always does, and refuses to start without any: make the first with
@@ -117,6 +118,7 @@ impl Arguments {
     fn config(&self) -> Config {
         let defaults = Config::new(&self.data);
         let seconds = |given: Option<usize>, default| given.map_or(default, |count| Duration::from_secs(count as u64));
+        let max_upload_bytes = self.max_upload.unwrap_or(defaults.max_upload_bytes);
         Config {
             role: match self.role {
                 Part::Api => Role::Api,
@@ -131,7 +133,8 @@ impl Arguments {
             listen: self.listen,
             concurrency: self.jobs.unwrap_or(defaults.concurrency),
             threads: self.threads.unwrap_or(defaults.threads),
-            max_upload_bytes: self.max_upload.unwrap_or(defaults.max_upload_bytes),
+            max_upload_bytes,
+            limits: Limits { max_expanded_bytes: max_upload_bytes, ..defaults.limits },
             grace: self.grace.map_or(defaults.grace, Duration::from_secs),
             auth: self.auth == Auth::On,
             ..self.bounds.over(defaults)
@@ -190,7 +193,7 @@ async fn begin(service: &Service, unwanted: bool) -> Result<Option<Submitted>, F
     let mut bytes = Vec::new();
     synthetic::write_tm25(&source, SAMPLE_RAYS, 1, &mut bytes).map_err(|error| failed(error.to_string()))?;
     let submitted = service.submit(&format!("{SAMPLE}.tm25ray"), bytes.as_slice()).await;
-    submitted.map(Some).map_err(|error| failed(error.to_string()))
+    Ok(submitted.map_err(|error| failed(error.to_string()))?.pop())
 }
 
 /// Says where the sample's model is, once it is, or why there is none.

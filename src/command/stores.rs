@@ -2,8 +2,8 @@
 
 use super::Failure;
 use crate::service::Config;
-use crate::service::storage::records::Records;
 use crate::service::storage;
+use crate::service::storage::records::Records;
 use clap::Args;
 use std::path::PathBuf;
 

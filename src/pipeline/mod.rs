@@ -23,6 +23,7 @@ pub mod artifacts;
 pub use artifacts::{Artifact, IesEdition, Spectra};
 pub use error::{Error, Fault, Place};
 pub use hull::Emission;
+pub use rays::container::{Content, Member, Packing, packing, unpack};
 pub use rays::declared::{Column, Declared, FluxOverride};
 pub use rays::inspect::{Header, Inspection};
 pub use rays::{Bytes, Format, Input};

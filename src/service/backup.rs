@@ -67,7 +67,9 @@ pub async fn backup(config: &Config, to: &Path) -> Result<Copied, Error> {
     for rest in ["-wal", "-shm"] {
         let _ = fs::remove_file(to.join(format!("service.db{rest}")));
     }
-    fs::rename(&new, &whole).and_then(|()| File::open(to)?.sync_all()).map_err(|error| Error::Disk { path: whole, error })?;
+    fs::rename(&new, &whole)
+        .and_then(|()| File::open(to)?.sync_all())
+        .map_err(|error| Error::Disk { path: whole, error })?;
     Ok(copied)
 }
 
@@ -94,10 +96,10 @@ async fn fill(live: &Storage, from: &Path, copy: &Records, to: &Path) -> Result<
         let (from, to) = (from.join(&blob), to.join(&blob));
         let written = tokio::task::spawn_blocking(move || copy_file(&from, &to)).await;
         match written.map_err(io::Error::other).and_then(|written| written) {
-            Ok(fresh_bytes) => {
+            Ok(fresh) => {
                 copied.blobs += 1;
-                copied.fresh += u64::from(fresh_bytes > 0);
-                copied.fresh_bytes += fresh_bytes;
+                copied.fresh += u64::from(fresh.is_some());
+                copied.fresh_bytes += fresh.unwrap_or(0);
             }
             Err(error) if error.kind() == io::ErrorKind::NotFound => {
                 if is_named(&live.records, &blob).await? {
@@ -123,11 +125,11 @@ async fn forget(copy: &Records, blob: &str) -> Result<u64, Error> {
     Ok(copy.write(ray_sets.bind(blob)).await? + copy.write(jobs.bind(blob)).await?)
 }
 
-/// Copies a file durably, unless it is there already: blobs never change. How many bytes were written.
-fn copy_file(from: &Path, to: &Path) -> io::Result<u64> {
+/// Copies a file durably, unless it is there already: blobs never change. How many bytes were written, if any file was.
+fn copy_file(from: &Path, to: &Path) -> io::Result<Option<u64>> {
     let byte_count = fs::metadata(from)?.len();
     if fs::metadata(to).is_ok_and(|there| there.len() == byte_count) {
-        return Ok(0);
+        return Ok(None);
     }
     let folder = to.parent().ok_or(io::ErrorKind::InvalidInput)?;
     fs::create_dir_all(folder)?;
@@ -136,5 +138,5 @@ fn copy_file(from: &Path, to: &Path) -> io::Result<u64> {
     File::open(&part)?.sync_all()?;
     fs::rename(&part, to)?;
     File::open(folder)?.sync_all()?;
-    Ok(byte_count)
+    Ok(Some(byte_count))
 }

@@ -46,7 +46,7 @@ pub struct Config {
     pub database_url: Option<String>,
     /// The object store, `file:` or `s3://`. Default: `file:<data>/blobs`.
     pub storage_url: Option<String>,
-    /// Largest ray file taken, bytes.
+    /// Largest file taken, and largest ray file in a packed one, bytes.
     pub max_upload_bytes: u64,
     /// The slowest upload that is not given up.
     pub slowest: Slowest,

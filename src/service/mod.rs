@@ -18,6 +18,8 @@ pub mod connections;
 pub mod pace;
 /// Takes in a ray file.
 pub mod upload;
+/// What is in a packed one.
+mod unpack;
 /// What is to be computed, and who computes it.
 pub mod jobs;
 /// What is kept no longer.
@@ -30,7 +32,7 @@ pub mod api;
 pub use config::{Config, Role};
 
 use access::rate::RateLimit;
-use access::{Door, keys};
+use access::{DEFAULT_TENANT, Door, keys};
 use api::Api;
 use axum::Router;
 use jobs::options::JobOptions;
@@ -97,7 +99,7 @@ pub enum SubmitError {
     Queue(#[from] queue::Error),
 }
 
-/// What [`Service::submit`] made.
+/// What [`Service::submit`] made of a ray file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Submitted {
     /// The ray set's identifier.
@@ -144,7 +146,8 @@ impl Service {
             return Err(StartError::NoKeys(config.listen));
         }
         let metrics = Metrics::new();
-        let queue = Queue::new(storage.clone(), config.lease, config.max_attempts, metrics.clone());
+        let queue = Queue::new(storage.clone(), config.lease, config.max_attempts);
+        let queue = queue.bounded(config.quota, metrics.clone());
         if lock.is_some() {
             // The lock proves that whoever ran these jobs and wrote these blobs is gone. Where there is none, leases and
             // the age of what lies about say it later.
@@ -183,7 +186,7 @@ impl Service {
         let (max_bytes, slowest, limits) = (config.max_upload_bytes, config.slowest, config.limits);
         let rate = RateLimit::new(config.rate_per_second, config.rate_burst);
         Api {
-            intake: Intake { storage: storage.clone(), max_bytes, slowest, limits },
+            intake: Intake { storage: storage.clone(), max_bytes, slowest, quota: config.quota, limits },
             door: Door::new(storage.records.clone(), config.asks_for_keys(), rate),
             origins: config.cors_origins.clone().into(),
             space: Space::new(config.local_folders(), config.keep_free),
@@ -207,15 +210,21 @@ impl Service {
         }
     }
 
-    /// Takes in a ray file and queues a job with default options, the way any client's would be.
+    /// Takes in a ray file, or the ray files in a packed one, and queues a job for each with default options, the way any
+    /// client's would be.
     ///
     /// # Errors
-    /// [`SubmitError`]; nothing is left behind, but for the ray set when only the job fails.
-    pub async fn submit(&self, name: &str, reader: impl AsyncRead) -> Result<Submitted, SubmitError> {
+    /// [`SubmitError`]; nothing is left behind, but for ray sets when only a job fails.
+    pub async fn submit(&self, name: &str, reader: impl AsyncRead) -> Result<Vec<Submitted>, SubmitError> {
         let announcement = Announcement { name: name.to_owned(), ..Announcement::default() };
-        let ray_set = self.api.intake.take(announcement, ReaderStream::new(reader)).await?.id;
-        let job = self.api.queue.enqueue(std::slice::from_ref(&ray_set), &JobOptions::default()).await?;
-        Ok(Submitted { ray_set, job })
+        let taken = self.api.intake.take(DEFAULT_TENANT, announcement, ReaderStream::new(reader)).await?;
+        let mut submitted = Vec::new();
+        for ray_set in taken.ray_sets.into_iter().map(|ray_set| ray_set.id) {
+            let job =
+                self.api.queue.enqueue(DEFAULT_TENANT, std::slice::from_ref(&ray_set), &JobOptions::default()).await?;
+            submitted.push(Submitted { ray_set, job });
+        }
+        Ok(submitted)
     }
 
     /// True when it has neither ray sets nor jobs: nobody has used this data folder yet.
@@ -224,8 +233,8 @@ impl Service {
     /// The database did not answer.
     pub async fn is_empty(&self) -> Result<bool, storage::Error> {
         let records = &self.api.storage.records;
-        let ray_sets = storage::ray_sets::list(records, None, 1).await?;
-        Ok(ray_sets.is_empty() && jobs::query::list(records, None, None, 1).await?.is_empty())
+        let ray_sets = storage::ray_sets::list(records, DEFAULT_TENANT, None, 1).await?;
+        Ok(ray_sets.is_empty() && jobs::query::list(records, DEFAULT_TENANT, None, None, 1).await?.is_empty())
     }
 
     /// Answers until `shutdown` resolves; then takes nothing new, and gives running jobs and open connections the

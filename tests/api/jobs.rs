@@ -2,6 +2,7 @@ use crate::runners::{Gate, held, prompt, stubborn};
 use crate::site::{Site, on_engines};
 use axum::http::StatusCode;
 use lampwright::service::Config;
+use lampwright::service::access::quota::Quota;
 use lampwright::service::jobs::options::JobOptions;
 use lampwright::service::jobs::queue::{Claim, Queue};
 use lampwright::service::jobs::{Failure, State, TRANSITIONS};
@@ -165,9 +166,10 @@ async fn only_the_transitions_of_the_table_happen() {
         byte_count: 1,
         sha256: String::new(),
         header: "{}".into(),
+        packed: None,
         created_ms: 0,
     };
-    ray_sets::insert(&storage.records, row, &[]).await.unwrap();
+    ray_sets::insert(&storage.records, "default", Quota::default(), vec![(row, Vec::new())]).await.unwrap().unwrap();
     let lease = Duration::from_secs(60);
     let (ours, theirs) = (Queue::new(storage.clone(), lease, 3), Queue::new(storage.clone(), lease, 3));
     let mut seen = Vec::new();
@@ -175,19 +177,20 @@ async fn only_the_transitions_of_the_table_happen() {
         for change in ["claim", "cancel", "beat", "finish", "fail", "stop", "release", "retry", "sweep"] {
             for (cancel, attempt, expired) in [(0, 1, 0), (1, 1, 0), (0, 3, 1), (1, 1, 1), (0, 1, 1)] {
                 storage.records.write(sql("DELETE FROM jobs")).await.unwrap();
-                let id = ours.enqueue(&["r".into()], &JobOptions::default()).await.unwrap();
+                let id = ours.enqueue("default", &["r".into()], &JobOptions::default()).await.unwrap();
                 let set = "UPDATE jobs SET state = $1, fence = 7, attempt = $2, cancel_requested = $3, lease_owner = 'gone', \
                            lease_until_ms = CASE WHEN $1 = 'queued' THEN NULL WHEN $4 = 1 THEN 0 ELSE {now} + 60000 END \
                            WHERE id = $5";
                 let set = sql(set).bind(from.name()).bind(attempt).bind(cancel).bind(i64::from(expired));
                 storage.records.write(set.bind(id.as_str())).await.unwrap();
-                let claim = Claim { id: id.clone(), fence: 7, attempt, options: "{}".into() };
+                let (tenant, options) = ("default".into(), "{}".into());
+                let claim = Claim { id: id.clone(), tenant, fence: 7, attempt, options };
                 // Any answer, also a refusal: what counts is the row.
                 match change {
                     // Claiming sweeps first; that is tried by itself.
                     "claim" if expired == 0 => theirs.claim().await.map(|_| ()).unwrap(),
                     "claim" => continue,
-                    "cancel" => ours.cancel(&id).await.unwrap_or_default(),
+                    "cancel" => ours.cancel("default", &id).await.unwrap_or_default(),
                     "beat" => ours.beat(&claim, Some("hull"), 0.5).await.map(|_| ()).unwrap(),
                     "finish" => ours.finish(&claim, &[], &[]).await.map(|_| ()).unwrap(),
                     "fail" => ours.fail(&claim, &Failure::panicked("x")).await.map(|_| ()).unwrap(),

@@ -5,6 +5,8 @@
 
 #[path = "../support/engines.rs"]
 mod engines;
+#[path = "../support/packing.rs"]
+mod packing;
 #[path = "../support/rays.rs"]
 mod rays;
 #[path = "../support/runners.rs"]
@@ -16,6 +18,14 @@ mod site;
 mod walk;
 /// What is taken in, and what is not.
 mod uploads;
+/// What comes packed.
+mod packed;
+/// Keys, tenants, quotas and rates.
+mod access;
+/// What connections may ask of the process.
+mod connections;
+/// Numbers, room, retention, backup.
+mod upkeep;
 /// Every way to ask wrongly.
 mod requests;
 /// Queue, cancellation, deletion, pages.

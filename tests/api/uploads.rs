@@ -13,7 +13,7 @@ use std::convert::Infallible;
 use std::io;
 
 /// Nothing of a refused upload may be left.
-async fn nothing_left(site: &Site) {
+pub async fn nothing_left(site: &Site) {
     assert!(site.blobs().is_empty(), "{:?}", site.blobs());
     assert!(site.rows(sql("SELECT id FROM ray_sets")).await.is_empty());
     assert!(site.rows(sql("SELECT blob FROM parts")).await.is_empty());
@@ -35,9 +35,9 @@ async fn chunks_of_any_size_make_the_same_ray_set() {
     for size in [1 << 14, 65_537, (8 << 20) - 1, 8 << 20, 1 << 30] {
         let reply = send(&site, &[], in_chunks(&file, size)).await;
         assert_eq!(reply.status, StatusCode::CREATED, "{size}: {reply:?}");
-        assert_eq!(reply.json()["sha256"], sha256(&file));
-        assert_eq!(reply.json()["byte_count"], file.len());
-        assert_eq!(reply.json()["name"], "rays");
+        assert_eq!(reply.ray_set()["sha256"], sha256(&file));
+        assert_eq!(reply.ray_set()["byte_count"], file.len());
+        assert_eq!(reply.ray_set()["name"], "rays");
     }
     assert_eq!(site.blobs().len(), 5 * 2);
 }
@@ -54,7 +54,7 @@ async fn a_name_comes_from_the_query_or_the_header() {
     let site = Site::start(prompt()).await;
     let disposition = [("content-disposition", "attachment; filename=\"blue.dat\"")];
     let named = async |path: &str, headers: &[(&str, &str)]| {
-        site.ask(Method::POST, path, headers, rays::zemax(3)).await.json()["name"].as_str().unwrap().to_owned()
+        site.ask(Method::POST, path, headers, rays::zemax(3)).await.ray_set()["name"].as_str().unwrap().to_owned()
     };
     assert_eq!(named("/v1/ray-sets", &disposition).await, "blue.dat");
     assert_eq!(named("/v1/ray-sets?name=%C3%BC.dat", &disposition).await, "ü.dat");

@@ -13,7 +13,7 @@ async fn a_ray_file_becomes_artifacts() {
 
     let uploaded = site.upload(file.clone()).await;
     assert_eq!(uploaded.status, StatusCode::CREATED);
-    let ray_set = uploaded.json();
+    let ray_set = uploaded.ray_set();
     let id = uploaded.id();
     assert_eq!(uploaded.header("location"), format!("/v1/ray-sets/{id}"));
     assert_eq!(ray_set["name"], "led.dat");
@@ -106,7 +106,7 @@ async fn what_is_submitted_from_within_goes_the_same_way() {
     let service = site.service.as_ref().unwrap();
     assert!(service.is_empty().await.unwrap());
     let file = rays::zemax(50);
-    let submitted = service.submit("built in.dat", file.as_slice()).await.unwrap();
+    let submitted = service.submit("built in.dat", file.as_slice()).await.unwrap().pop().unwrap();
     assert!(!service.is_empty().await.unwrap());
     let job = site.until_state(&submitted.job, "succeeded").await;
     assert_eq!(job["ray_sets"], json!([submitted.ray_set]));

@@ -34,14 +34,29 @@ const UPWARD: [(&str, &str); 1] = [
 const SIDE_DOORS: [&str; 1] = ["pipeline::artifacts::zip"];
 
 /// Every crate the computation may name.
-const PIPELINE_CRATES: [&str; 11] =
-    ["core", "glam", "obvhs", "rand_chacha", "rayon", "serde", "serde_json", "sha2", "std", "thiserror", "zip"];
+const PIPELINE_CRATES: [&str; 13] = [
+    "core",
+    "flate2",
+    "glam",
+    "obvhs",
+    "rand_chacha",
+    "rayon",
+    "ruzstd",
+    "serde",
+    "serde_json",
+    "sha2",
+    "std",
+    "thiserror",
+    "zip",
+];
 
 /// The world, which the computation does not know.
 const WORLD: [&str; 6] = ["env", "fs", "net", "process", "thread", "time"];
 
 /// One foreign library, one file (or folder): whoever replaces it reads no other.
-const HOMES: [(&str, &str); 5] = [
+const HOMES: [(&str, &str); 7] = [
+    ("flate2", "pipeline/rays/container"),
+    ("ruzstd", "pipeline/rays/container/zstd"),
     ("obvhs", "pipeline/flux/bvh"),
     ("zip", "pipeline/artifacts"),
     ("sqlx", "service/storage/records"),

@@ -6,6 +6,8 @@ use axum::Router;
 use axum::body::Body;
 use axum::http::{HeaderMap, Method, Request, StatusCode};
 use http_body_util::BodyExt;
+use lampwright::service::access::Scope;
+use lampwright::service::access::keys::{self, NewKey};
 use lampwright::service::jobs::worker::Runner;
 use lampwright::service::pace::Slowest;
 use lampwright::service::storage::blobs::Blobs;
@@ -63,8 +65,17 @@ impl Reply {
         self.headers.get(name).unwrap_or_else(|| panic!("no {name}: {self:?}")).to_str().unwrap()
     }
 
+    /// Of a job, or of the first ray set of an upload.
     pub fn id(&self) -> String {
-        self.json()["id"].as_str().unwrap().to_owned()
+        let json = self.json();
+        json["id"].as_str().or(json["ray_sets"][0]["id"].as_str()).unwrap().to_owned()
+    }
+
+    /// The one ray set of an upload.
+    pub fn ray_set(&self) -> Value {
+        let json = self.json();
+        assert_eq!((json["ray_sets"].as_array().map(Vec::len), &json["left_out"]), (Some(1), &json!([])), "{json}");
+        json["ray_sets"][0].clone()
     }
 
     /// Status and code of a problem.
@@ -114,6 +125,8 @@ pub struct Site {
     pub folder: TempDir,
     pub config: Config,
     pub service: Option<Service>,
+    /// Goes with every request that brings no other.
+    pub key: Option<String>,
     router: Router,
 }
 
@@ -150,7 +163,7 @@ impl Site {
         let folder = tempfile::tempdir().unwrap();
         let config = change(on_engines(quick(&folder.path().join("data"))).await);
         let service = Service::start_with(config.clone(), runner).await.unwrap();
-        Site { router: service.router(), folder, config, service: Some(service) }
+        Site { router: service.router(), folder, config, service: Some(service), key: None }
     }
 
     /// Kills the service, as far as that can be done within a process: nothing of it runs its last lines.
@@ -179,9 +192,13 @@ impl Site {
     }
 
     pub async fn ask(&self, method: Method, path: &str, headers: &[(&str, &str)], body: impl Into<Body>) -> Reply {
-        let request = headers
-            .iter()
-            .fold(Request::builder().method(method).uri(path), |request, (name, value)| request.header(*name, *value));
+        let mut request = Request::builder().method(method).uri(path);
+        for (name, value) in headers {
+            request = request.header(*name, *value);
+        }
+        if let (Some(key), false) = (&self.key, headers.iter().any(|(name, _)| *name == "authorization")) {
+            request = request.header("authorization", format!("Bearer {key}"));
+        }
         self.send(request.body(body.into()).unwrap()).await
     }
 
@@ -239,6 +256,14 @@ impl Site {
         let mut keys: Vec<String> = listed.unwrap().into_iter().map(|blob| blob.key).collect();
         keys.sort();
         keys
+    }
+
+    /// A new key of `tenant`.
+    pub async fn key_of(&self, tenant: &str, scopes: &[Scope]) -> String {
+        let (tenant, scopes) = (tenant.to_owned(), scopes.to_vec());
+        let new = NewKey { tenant, name: String::new(), scopes, lifetime_ms: None };
+        let records = Records::open(&self.config.database_url()).await.unwrap();
+        keys::create(&records, &new).await.unwrap().token
     }
 
     /// Asks the database behind the service's back.

@@ -77,6 +77,16 @@ pub fn u32_in(block: &[u8], at: usize) -> u32 {
     u32::from_le_bytes(word_in(block, at))
 }
 
+/// A little-endian u16 in `block`; 0 past its end.
+pub fn u16_in(block: &[u8], at: usize) -> u16 {
+    block.get(at..).and_then(|rest| rest.first_chunk()).map_or(0, |word| u16::from_le_bytes(*word))
+}
+
+/// A little-endian u64 in `block`; 0 past its end.
+pub fn u64_in(block: &[u8], at: usize) -> u64 {
+    block.get(at..).and_then(|rest| rest.first_chunk()).map_or(0, |word| u64::from_le_bytes(*word))
+}
+
 /// A little-endian binary32 in `block`; 0 past its end.
 pub fn f32_in(block: &[u8], at: usize) -> f32 {
     f32::from_le_bytes(word_in(block, at))

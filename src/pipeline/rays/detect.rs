@@ -59,13 +59,25 @@ pub fn not_read(code: &'static str, what: &str) -> Error {
     Error::refused(code, format!("This is {what}, which is not read yet."), EXPORT)
 }
 
+/// How archives begin. Those that are unpacked here come to this only where they are not, inside another one.
+const ARCHIVES: [(&[u8], &str); 8] = [
+    (b"PK\x03\x04", "a zip archive"),
+    (b"PK\x05\x06", "an empty zip archive"),
+    (b"\x1f\x8b", "a gzip file"),
+    (b"\x28\xb5\x2f\xfd", "a zstd file"),
+    (b"7z\xbc\xaf\x27\x1c", "a 7-Zip archive"),
+    (b"Rar!\x1a\x07", "a RAR archive"),
+    (b"\xfd7zXZ\0", "an xz file"),
+    (b"BZh", "a bzip2 file"),
+];
+
 fn refused_by_magic(start: &[u8]) -> Option<Error> {
     let error = if start.starts_with(b"version https://git-lfs") {
         let found = "This is a git-lfs pointer, not the ray file it stands for.";
         Error::refused("detect.git_lfs", found, "Fetch the file itself (`git lfs pull`) and send that.")
-    } else if start.starts_with(b"PK\x03\x04") || start.starts_with(&[0x1f, 0x8b]) {
-        let found = "This is a compressed archive, not a ray file.";
-        Error::refused("detect.archive", found, "Unpack it and send the ray file inside.")
+    } else if let Some((_, archive)) = ARCHIVES.iter().find(|(magic, _)| start.starts_with(magic)) {
+        let found = format!("This is {archive}, not a ray file.");
+        Error::refused("detect.archive", found, "Unpack it; gzip, zstd and zip are unpacked here.")
     } else {
         return None;
     };

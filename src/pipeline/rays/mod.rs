@@ -1,5 +1,7 @@
 //! 1. Files to rays.
 
+/// Files as vendors ship them: gzip, zstd, zip.
+pub mod container;
 /// Bounded reading: every failure knows its offset, no count is trusted.
 pub mod bytes;
 /// Which format a file is, from content alone.

@@ -19,6 +19,12 @@ pub struct Limits {
     pub max_tally_values: usize,
     /// Largest share of rays that may be refused before the whole set is.
     pub max_refused_share: f64,
+    /// Most bytes that one packed file may unpack to, all its files together.
+    pub max_expanded_bytes: u64,
+    /// Most bytes that may come out of a packed byte. Ray files give 1 to 10.
+    pub max_expansion_ratio: u64,
+    /// Most files in one packed file.
+    pub max_members: usize,
 }
 
 impl Default for Limits {
@@ -32,6 +38,9 @@ impl Default for Limits {
             max_lattice_cells: 1 << 24,
             max_tally_values: 1 << 26,
             max_refused_share: 0.01,
+            max_expanded_bytes: 64 << 30,
+            max_expansion_ratio: 100,
+            max_members: 1000,
         }
     }
 }

@@ -54,6 +54,27 @@ pub enum Exceeded {
     },
 }
 
+/// Room for what a tenant keeps.
+#[derive(Clone, Copy, Debug)]
+pub struct Room {
+    used: u64,
+    limit: u64,
+}
+
+impl Room {
+    /// Whether there is room for `more` bytes.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn admit(self, more: u64) -> Result<(), Exceeded> {
+        let Room { used, limit } = self;
+        match used.saturating_add(more) > limit {
+            true => Err(Exceeded::StoredBytes { used, limit }),
+            false => Ok(()),
+        }
+    }
+}
+
 const USAGE: &str = "SELECT \
     CAST(COALESCE((SELECT SUM(byte_count) FROM ray_sets WHERE tenant = $1), 0) AS BIGINT) AS ray_bytes, \
     CAST(COALESCE((SELECT SUM(artifacts.byte_count) FROM artifacts JOIN jobs ON jobs.id = artifacts.job_id \
@@ -71,14 +92,13 @@ impl Quota {
         }
     }
 
-    /// Bytes that `tenant` may still send: to be asked before they are.
+    /// What `tenant` may still send: to be asked before it does.
     ///
     /// # Errors
-    /// The database did not answer. Within: none.
-    pub async fn room(self, records: &Records, tenant: &str) -> Result<Result<u64, Exceeded>, Error> {
-        let quota = self.of(&tenants::get(records, tenant).await?);
-        let used = usage(records, tenant).await?.stored_bytes;
-        Ok(quota.room_for(used, 1).map(|()| quota.stored_bytes - used))
+    /// The database did not answer.
+    pub async fn room(self, records: &Records, tenant: &str) -> Result<Room, Error> {
+        let limit = self.of(&tenants::get(records, tenant).await?).stored_bytes;
+        Ok(Room { used: usage(records, tenant).await?.stored_bytes, limit })
     }
 
     /// Whether `tenant` has room for what the transaction has just added to its bytes.
@@ -87,7 +107,7 @@ impl Quota {
     /// The database did not answer. Within: it has not.
     pub async fn admit_bytes(self, transaction: &mut Transaction, tenant: &str) -> Result<Result<(), Exceeded>, Error> {
         let (quota, usage) = self.hold(transaction, tenant).await?;
-        Ok(quota.room_for(usage.stored_bytes, 0))
+        Ok(Room { used: usage.stored_bytes, limit: quota.stored_bytes }.admit(0))
     }
 
     /// Whether `tenant` may queue one more job than it has. Right as the first statement of a transaction.
@@ -100,14 +120,16 @@ impl Quota {
             return Ok(Err(Exceeded::QueuedJobs { limit: quota.queued_jobs }));
         }
         // What it gives will need room: none left is told now, not after the computation.
-        Ok(quota.room_for(usage.stored_bytes, 1))
+        Ok(Room { used: usage.stored_bytes, limit: quota.stored_bytes }.admit(1))
     }
 
-    fn room_for(self, used: u64, more: u64) -> Result<(), Exceeded> {
-        match used.saturating_add(more) > self.stored_bytes {
-            true => Err(Exceeded::StoredBytes { used, limit: self.stored_bytes }),
-            false => Ok(()),
-        }
+    /// Whether `tenant` runs no more jobs than it may, with the one that the transaction has just made run.
+    ///
+    /// # Errors
+    /// The database did not answer.
+    pub async fn admits_run(self, transaction: &mut Transaction, tenant: &str) -> Result<bool, Error> {
+        let (quota, usage) = self.hold(transaction, tenant).await?;
+        Ok(usage.running_jobs <= quota.running_jobs)
     }
 
     /// The quota and usage of `tenant`, which nobody else changes until the transaction ends.

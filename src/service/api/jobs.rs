@@ -1,5 +1,6 @@
 //! `/v1/jobs`: what is to be computed, how far it is, and why it failed.
 
+use super::super::access::Access;
 use super::super::jobs::options::JobOptions;
 use super::super::jobs::{Failure, State as JobState, StoredNotice, query};
 use super::Api;
@@ -185,7 +186,7 @@ fn stages(row: &query::Job) -> Vec<StageProgress> {
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, stopping, or a store that does not answer"),
     )
 )]
-pub async fn create(State(api): State<Api>, Body(new): Body<NewJob>) -> Result<Response, Problem> {
+pub async fn create(State(api): State<Api>, access: Access, Body(new): Body<NewJob>) -> Result<Response, Problem> {
     if api.draining.is_cancelled() {
         return Err(Problem::draining());
     }
@@ -196,8 +197,10 @@ pub async fn create(State(api): State<Api>, Body(new): Body<NewJob>) -> Result<R
         return Err(Problem::out_of_range("ray_sets", "1 to 8 different identifiers"));
     }
     new.options.resolve()?;
-    let id = api.queue.enqueue(&new.ray_sets, &new.options).await?;
-    accepted(&api, &id).await
+    let id = api.queue.enqueue(&access.tenant, &new.ray_sets, &new.options).await?;
+    // Ties the job to the request that asked for it.
+    tracing::info!(job = id, "job queued");
+    accepted(&api, &access, &id).await
 }
 
 /// Lists jobs, newest first
@@ -209,9 +212,14 @@ pub async fn create(State(api): State<Api>, Body(new): Body<NewJob>) -> Result<R
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
     )
 )]
-pub async fn list(State(api): State<Api>, Query(page): Query<JobPage>) -> Result<Json<JobList>, Problem> {
+pub async fn list(
+    State(api): State<Api>,
+    access: Access,
+    Query(page): Query<JobPage>,
+) -> Result<Json<JobList>, Problem> {
     let limit = Page::limit(page.limit)?;
-    let rows = query::list(&api.storage.records, page.state, page.after.as_deref(), limit as i64 + 1).await?;
+    let after = page.after.as_deref();
+    let rows = query::list(&api.storage.records, &access.tenant, page.state, after, limit as i64 + 1).await?;
     let (rows, next) = cut(rows, limit, |row| &row.id);
     Ok(Json(JobList { jobs: rows.into_iter().map(Job::from).collect(), next }))
 }
@@ -241,8 +249,8 @@ pub struct JobPage {
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
     )
 )]
-pub async fn get(State(api): State<Api>, Path(id): Path<String>) -> Result<Json<Job>, Problem> {
-    Ok(Json(find(&api, &id).await?.into()))
+pub async fn get(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<Json<Job>, Problem> {
+    Ok(Json(find(&api, &access, &id).await?.into()))
 }
 
 /// Cancels a job
@@ -259,9 +267,9 @@ pub async fn get(State(api): State<Api>, Path(id): Path<String>) -> Result<Json<
         (status = 503, body = Problem, content_type = "application/problem+json", description = "a store that does not answer"),
     )
 )]
-pub async fn cancel(State(api): State<Api>, Path(id): Path<String>) -> Result<Response, Problem> {
-    api.queue.cancel(&id).await?;
-    accepted(&api, &id).await
+pub async fn cancel(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<Response, Problem> {
+    api.queue.cancel(&access.tenant, &id).await?;
+    accepted(&api, &access, &id).await
 }
 
 /// Deletes a job and its artifacts
@@ -277,18 +285,18 @@ pub async fn cancel(State(api): State<Api>, Path(id): Path<String>) -> Result<Re
         (status = 503, body = Problem, content_type = "application/problem+json", description = "a store that does not answer"),
     )
 )]
-pub async fn delete(State(api): State<Api>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
-    api.queue.delete(&id).await?;
+pub async fn delete(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<StatusCode, Problem> {
+    api.queue.delete(&access.tenant, &id).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// The job `id`, or 404.
-pub async fn find(api: &Api, id: &str) -> Result<query::Job, Problem> {
-    query::get(&api.storage.records, id).await?.ok_or_else(|| Problem::no_job(id))
+/// The job `id` of whoever asks, or 404.
+pub async fn find(api: &Api, access: &Access, id: &str) -> Result<query::Job, Problem> {
+    query::get(&api.storage.records, &access.tenant, id).await?.ok_or_else(|| Problem::no_job(id))
 }
 
-async fn accepted(api: &Api, id: &str) -> Result<Response, Problem> {
-    let job = Job::from(find(api, id).await?);
+async fn accepted(api: &Api, access: &Access, id: &str) -> Result<Response, Problem> {
+    let job = Job::from(find(api, access, id).await?);
     let headers = [(header::LOCATION, job.links.this.clone()), (header::RETRY_AFTER, "1".to_owned())];
     Ok((StatusCode::ACCEPTED, headers, Json(job)).into_response())
 }

@@ -107,7 +107,7 @@ struct Contract;
 
 /// Every route of the contract, and the scope a key needs for it.
 fn routes() -> OpenApiRouter<Api> {
-    use Scope::{JobsRead, JobsWrite, MetricsRead, UploadsRead, UploadsWrite};
+    use Scope::{JobsRead, JobsWrite, UploadsRead, UploadsWrite};
     let uploads = OpenApiRouter::new().routes(needs(UploadsWrite, routes!(ray_sets::upload)));
     let reads = OpenApiRouter::new()
         .routes(needs(UploadsRead, routes!(ray_sets::list)))
@@ -119,17 +119,22 @@ fn routes() -> OpenApiRouter<Api> {
         .routes(needs(JobsRead, routes!(artifacts::download)))
         .routes(needs(JobsRead, routes!(artifacts::download_zip)));
     // Always admitted: a full service must still be told to do less, and say that it lives.
-    let relief = OpenApiRouter::new()
+    let relief = watch()
         .routes(needs_only(UploadsWrite, routes!(ray_sets::delete)))
         .routes(needs_only(JobsWrite, routes!(jobs::cancel)))
-        .routes(needs_only(JobsWrite, routes!(jobs::delete)))
-        .routes(needs_only(MetricsRead, routes!(metrics::text)))
-        .routes(routes!(health::live))
-        .routes(routes!(health::ready));
+        .routes(needs_only(JobsWrite, routes!(jobs::delete)));
     OpenApiRouter::with_openapi(Contract::openapi())
         .merge(admit(kept(uploads), UPLOADS))
         .merge(admit(patient(reads), READS))
         .merge(patient(relief))
+}
+
+/// For whoever watches over the service; every process has these.
+fn watch() -> OpenApiRouter<Api> {
+    OpenApiRouter::new()
+        .routes(routes!(health::live))
+        .routes(routes!(health::ready))
+        .routes(needs_only(Scope::MetricsRead, routes!(metrics::text)))
 }
 
 /// The service's face.
@@ -144,9 +149,9 @@ pub fn router(api: Api) -> Router {
     dressed(router, api)
 }
 
-/// The face of a process that only computes: whether it is well.
+/// The face of a process that only computes: whether it is well, and its numbers.
 pub fn health_router(api: Api) -> Router {
-    dressed(Router::new().route("/healthz", get(health::live)).route("/readyz", get(health::ready)), api)
+    dressed(patient(watch()).split_for_parts().0, api)
 }
 
 /// What stands before every route.

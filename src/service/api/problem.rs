@@ -17,6 +17,8 @@ use utoipa::ToSchema;
 pub const MEDIA_TYPE: &str = "application/problem+json";
 /// When to ask again for a place in a full queue, s: jobs take about that long.
 const QUEUE_WAIT_S: u64 = 10;
+/// Files of a packed file that a problem names.
+const NAMED: usize = 20;
 
 /// What went wrong (RFC 9457).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
@@ -142,6 +144,20 @@ impl Problem {
     pub fn out_of_range(path: &str, must: &str) -> Problem {
         let detail = format!("{path} must be {must}.");
         Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "request.out_of_range", "Out of range", detail).at(path)
+    }
+
+    /// A packed file without a ray file.
+    fn no_ray_file(left_out: &[upload::LeftOut]) -> Problem {
+        let mut detail = "There is no ray file in the packed file.".to_owned();
+        for file in left_out.iter().take(NAMED) {
+            detail += &format!(" {:?} ({}): {}", file.name, file.code, file.detail);
+        }
+        if left_out.len() > NAMED {
+            detail += &format!(" And {} more.", left_out.len() - NAMED);
+        }
+        let status = StatusCode::UNPROCESSABLE_ENTITY;
+        Problem::new(status, "container.no_ray_file", "No ray file in the packed file", detail)
+            .remedy("Send the ray file itself, or packed with gzip, zstd or zip.")
     }
 
     /// No such artifact.
@@ -359,7 +375,9 @@ impl From<upload::Error> for Problem {
                 format!("The SHA-256 of what came is {found}, announced was {announced}."),
             )
             .remedy("Send it again."),
-            Error::Unfit(error) => error.into(),
+            Error::Unfit(error) | Error::Packed(error) => error.into(),
+            Error::NoRayFile(left_out) => Problem::no_ray_file(&left_out),
+            Error::Quota(exceeded) => exceeded.into(),
             Error::Storage(error) => error.into(),
         }
     }
@@ -371,6 +389,7 @@ impl From<queue::Error> for Problem {
             queue::Error::Missing(id) => Problem::no_job(&id),
             queue::Error::MissingRaySet(id) => Problem::no_ray_set(&id),
             queue::Error::State(state) => Problem::job_state(state),
+            queue::Error::Quota(exceeded) => exceeded.into(),
             queue::Error::Storage(error) => error.into(),
         }
     }

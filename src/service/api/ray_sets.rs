@@ -1,8 +1,9 @@
 //! `/v1/ray-sets`: ray files, as they came.
 
+use super::super::access::Access;
 use super::super::storage::ray_set_folder;
 use super::super::storage::ray_sets::{self, Deletion};
-use super::super::upload::Announcement;
+use super::super::upload::{self, Announcement, LeftOut};
 use super::Api;
 use super::extract::{Page, Path, Query, cut};
 use super::problem::Problem;
@@ -33,10 +34,30 @@ pub struct RaySet {
     /// What it says of itself: format, ray count, totals, spectrum, and, but in lists, texts.
     #[schema(value_type = Object)]
     header: serde_json::Value,
+    /// The packed file it came in; null where it came by itself.
+    packed: Option<Packed>,
     /// When it was complete, epoch ms.
     created_ms: i64,
     /// Where it is.
     links: RaySetLinks,
+}
+
+/// A gzip, zstd or zip file that ray sets came in; it is not kept itself.
+#[derive(Serialize, ToSchema)]
+pub struct Packed {
+    /// What it was called.
+    name: String,
+    /// SHA-256 of its bytes, lower-case hex.
+    sha256: String,
+}
+
+/// What came of an upload.
+#[derive(Serialize, ToSchema)]
+pub struct Taken {
+    /// One ray set for each ray file: one, or as many as a packed file holds.
+    ray_sets: Vec<RaySet>,
+    /// What else was in a packed file, and why it is no ray set.
+    left_out: Vec<LeftOut>,
 }
 
 /// Where a ray set is.
@@ -65,8 +86,15 @@ impl From<ray_sets::RaySet> for RaySet {
             byte_count: row.byte_count,
             sha256: row.sha256,
             header: serde_json::from_str(&row.header).unwrap_or_default(),
+            packed: row.packed.map(|ray_sets::Packed { name, sha256 }| Packed { name, sha256 }),
             created_ms: row.created_ms,
         }
+    }
+}
+
+impl From<upload::Taken> for Taken {
+    fn from(taken: upload::Taken) -> Taken {
+        Taken { ray_sets: taken.ray_sets.into_iter().map(RaySet::from).collect(), left_out: taken.left_out }
     }
 }
 
@@ -91,9 +119,10 @@ pub struct Naming {
     name: Option<String>,
 }
 
-/// Takes in a ray file
+/// Takes in a ray file, or those in a packed one
 ///
-/// The body is the file. It is refused as soon as its beginning is wrong, and kept only when all of it is right.
+/// The body is the file. It is refused as soon as its beginning is wrong, and kept only when all of it is right. A gzip, zstd
+/// or zip file is unpacked when all of it is there: each ray file in it is a ray set, and all become known together.
 #[utoipa::path(
     post, path = "/v1/ray-sets", tag = "ray sets", operation_id = "upload_ray_set",
     params(
@@ -101,9 +130,9 @@ pub struct Naming {
         ("Repr-Digest" = Option<String>, Header, description = "`sha-256=:<base64>:` (RFC 9530): verified when sent"),
         ("Content-Digest" = Option<String>, Header, description = "as Repr-Digest"),
     ),
-    request_body(content = inline(super::Binary), content_type = "application/octet-stream", description = "IES TM-25 or Zemax binary"),
+    request_body(content = inline(super::Binary), content_type = "application/octet-stream", description = "IES TM-25 or Zemax binary, as it is or packed with gzip, zstd or zip"),
     responses(
-        (status = 201, body = RaySet, description = "taken in", headers(("Location" = String, description = "the ray set"))),
+        (status = 201, body = Taken, description = "taken in", headers(("Location" = String, description = "the ray set, or the list where there are several"))),
         (status = 400, body = Problem, content_type = "application/problem+json", description = "malformed file, header or query; truncated body; wrong digest"),
         (status = 408, body = Problem, content_type = "application/problem+json", description = "the upload fell silent"),
         (status = 413, body = Problem, content_type = "application/problem+json", description = "larger than this service takes"),
@@ -115,6 +144,7 @@ pub struct Naming {
 )]
 pub async fn upload(
     State(api): State<Api>,
+    access: Access,
     Query(naming): Query<Naming>,
     headers: HeaderMap,
     body: Body,
@@ -124,17 +154,21 @@ pub async fn upload(
     }
     let announcement = announcement(naming.name, &headers)?;
     if announcement.byte_count.is_some_and(|bytes| bytes > api.intake.max_bytes) {
-        return Err(super::super::upload::Error::TooLarge(api.intake.max_bytes).into());
+        return Err(upload::Error::TooLarge(api.intake.max_bytes).into());
     }
     // A task of its own: when the client goes away this handler is dropped, and what was stored must still be cleaned up.
-    let taken = tokio::spawn(async move { api.intake.take(announcement, body.into_data_stream()).await });
-    let row = taken.await.map_err(|error| {
+    let taken =
+        tokio::spawn(async move { api.intake.take(&access.tenant, announcement, body.into_data_stream()).await });
+    let taken = taken.await.map_err(|error| {
         tracing::error!(%error, "an upload stopped");
         Problem::internal()
     })??;
-    let ray_set = RaySet::from(row);
-    let location = [(header::LOCATION, ray_set.links.this.clone())];
-    Ok((StatusCode::CREATED, location, Json(ray_set)).into_response())
+    let taken = Taken::from(taken);
+    let location = match taken.ray_sets.as_slice() {
+        [ray_set] => ray_set.links.this.clone(),
+        _ => "/v1/ray-sets".to_owned(),
+    };
+    Ok((StatusCode::CREATED, [(header::LOCATION, location)], Json(taken)).into_response())
 }
 
 /// Lists ray sets, newest first
@@ -146,9 +180,13 @@ pub async fn upload(
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
     )
 )]
-pub async fn list(State(api): State<Api>, Query(page): Query<Page>) -> Result<Json<RaySetList>, Problem> {
+pub async fn list(
+    State(api): State<Api>,
+    access: Access,
+    Query(page): Query<Page>,
+) -> Result<Json<RaySetList>, Problem> {
     let limit = Page::limit(page.limit)?;
-    let rows = ray_sets::list(&api.storage.records, page.after.as_deref(), limit as i64 + 1).await?;
+    let rows = ray_sets::list(&api.storage.records, &access.tenant, page.after.as_deref(), limit as i64 + 1).await?;
     let (rows, next) = cut(rows, limit, |row| &row.id);
     Ok(Json(RaySetList { ray_sets: rows.into_iter().map(RaySet::listed).collect(), next }))
 }
@@ -163,8 +201,8 @@ pub async fn list(State(api): State<Api>, Query(page): Query<Page>) -> Result<Js
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
     )
 )]
-pub async fn get(State(api): State<Api>, Path(id): Path<String>) -> Result<Json<RaySet>, Problem> {
-    let row = ray_sets::get(&api.storage.records, &id).await?;
+pub async fn get(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<Json<RaySet>, Problem> {
+    let row = ray_sets::get(&api.storage.records, &access.tenant, &id).await?;
     Ok(Json(row.ok_or_else(|| Problem::no_ray_set(&id))?.into()))
 }
 
@@ -181,8 +219,8 @@ pub async fn get(State(api): State<Api>, Path(id): Path<String>) -> Result<Json<
         (status = 503, body = Problem, content_type = "application/problem+json", description = "a store that does not answer"),
     )
 )]
-pub async fn delete(State(api): State<Api>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
-    match ray_sets::delete(&api.storage.records, &id).await? {
+pub async fn delete(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<StatusCode, Problem> {
+    match ray_sets::delete(&api.storage.records, &access.tenant, &id).await? {
         Deletion::Missing => Err(Problem::no_ray_set(&id)),
         Deletion::Needed => Err(Problem::ray_set_needed(&id)),
         Deletion::Deleted => {
@@ -202,7 +240,8 @@ fn announcement(name: Option<String>, headers: &HeaderMap) -> Result<Announcemen
     }
     if let Some(encoding) = text(header::CONTENT_ENCODING).filter(|encoding| *encoding != "identity") {
         let found = format!("The body is encoded as {encoding:?}.");
-        return Err(Problem::media_type(found, "Send the file as it is, without Content-Encoding."));
+        // An encoding is the connection's, a packed file is the user's: its name and digest are those of the file.
+        return Err(Problem::media_type(found, "Send the file as it is, without Content-Encoding; it may be packed."));
     }
     let byte_count = match text(header::CONTENT_LENGTH).map(str::parse) {
         Some(Err(_)) => return Err(Problem::malformed_header("Content-Length", "It is not a number.")),

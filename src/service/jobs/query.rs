@@ -58,34 +58,35 @@ pub struct StoredArtifact {
 
 const SELECT_ONE: &str = "SELECT jobs.*, \
     (SELECT COUNT(*) FROM jobs ahead WHERE ahead.state = 'queued' AND ahead.id <= jobs.id) AS position \
-    FROM jobs WHERE id = $1";
+    FROM jobs WHERE tenant = $1 AND id = $2";
 const SELECT_MANY: &str = "SELECT jobs.*, \
     (SELECT COUNT(*) FROM jobs ahead WHERE ahead.state = 'queued' AND ahead.id <= jobs.id) AS position \
-    FROM jobs WHERE ($1 IS NULL OR state = $1) AND ($2 IS NULL OR id < $2) ORDER BY id DESC LIMIT $3";
+    FROM jobs WHERE tenant = $1 AND ($2 IS NULL OR state = $2) AND ($3 IS NULL OR id < $3) ORDER BY id DESC LIMIT $4";
 
-/// The job `id`, if there is one.
+/// The job `id` of `tenant`, if there is one.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn get(records: &Records, id: &str) -> Result<Option<Job>, Error> {
-    match records.read_one(sql(SELECT_ONE).bind(id)).await? {
+pub async fn get(records: &Records, tenant: &str, id: &str) -> Result<Option<Job>, Error> {
+    match records.read_one(sql(SELECT_ONE).bind(tenant).bind(id)).await? {
         Some(row) => Ok(Some(job(records, &row).await?)),
         None => Ok(None),
     }
 }
 
-/// At most `limit` jobs older than the one called `before`, newest first; only those in `state` if given.
+/// At most `limit` jobs of `tenant`, older than the one called `before`, newest first; only those in `state` if given.
 ///
 /// # Errors
 /// The database did not answer.
 pub async fn list(
     records: &Records,
+    tenant: &str,
     state: Option<State>,
     before: Option<&str>,
     limit: i64,
 ) -> Result<Vec<Job>, Error> {
     let mut jobs = Vec::new();
-    let select = sql(SELECT_MANY).bind(state.map(State::name)).bind(before).bind(limit);
+    let select = sql(SELECT_MANY).bind(tenant).bind(state.map(State::name)).bind(before).bind(limit);
     for row in records.read(select).await? {
         jobs.push(job(records, &row).await?);
     }

@@ -1,6 +1,7 @@
 //! Every change of a job's state, one statement each. At least once begun, exactly once published: a worker's write names
 //! the fence its claim gave it, and zero rows changed means that the lease was lost and the result is nobody's.
 
+use super::super::access::quota::{Exceeded, Quota};
 use super::super::metrics::Metrics;
 use super::super::storage::records::sql;
 use super::super::storage::{self, Storage, job_folder, new_id};
@@ -26,6 +27,9 @@ pub enum Error {
     /// The job is in a state from which this is not legal.
     #[error("the job is {}", .0.name())]
     State(State),
+    /// The tenant has too many jobs waiting, or no room for what it would give.
+    #[error(transparent)]
+    Quota(#[from] Exceeded),
     /// A store did not answer.
     #[error(transparent)]
     Storage(#[from] storage::Error),
@@ -36,6 +40,8 @@ pub enum Error {
 pub struct Claim {
     /// The job.
     pub id: String,
+    /// Whose it is.
+    pub tenant: String,
     /// Names this claim among all of the job's.
     pub fence: i64,
     /// How often it was begun, this time included.
@@ -72,17 +78,33 @@ pub struct Queue {
     owner: String,
     lease_ms: i64,
     max_attempts: u32,
+    quota: Quota,
     metrics: Metrics,
     wake: Arc<Notify>,
 }
 
 impl Queue {
     /// The queue in `storage`, under a fresh name.
-    pub fn new(storage: Storage, lease: Duration, max_attempts: u32, metrics: Metrics) -> Queue {
+    pub fn new(storage: Storage, lease: Duration, max_attempts: u32) -> Queue {
         let lease_ms = i64::try_from(lease.as_millis()).unwrap_or(i64::MAX);
         let process = new_id();
         let owner = format!("{process}.0");
-        Queue { storage, process, owner, lease_ms, max_attempts, metrics, wake: Arc::new(Notify::new()) }
+        Queue {
+            storage,
+            process,
+            owner,
+            lease_ms,
+            max_attempts,
+            quota: Quota::default(),
+            metrics: Metrics::new(),
+            wake: Arc::new(Notify::new()),
+        }
+    }
+
+    /// The same queue, in which a tenant without a quota of its own has this one, and what happens is counted here.
+    #[must_use]
+    pub fn bounded(self, quota: Quota, metrics: Metrics) -> Queue {
+        Queue { quota, metrics, ..self }
     }
 
     /// The queue as slot `slot` of this process sees it. A slot asks for a job only when it has none.
@@ -96,21 +118,22 @@ impl Queue {
         self.wake.notified().await;
     }
 
-    /// Accepts a job: from here on it will be done, whatever happens to this process.
+    /// Accepts a job of `tenant`: from here on it will be done, whatever happens to this process.
     ///
     /// # Errors
-    /// [`Error::MissingRaySet`], [`Error::Storage`].
-    pub async fn enqueue(&self, ray_sets: &[String], options: &JobOptions) -> Result<String, Error> {
+    /// [`Error::MissingRaySet`], [`Error::Quota`], [`Error::Storage`].
+    pub async fn enqueue(&self, tenant: &str, ray_sets: &[String], options: &JobOptions) -> Result<String, Error> {
         let id = new_id();
         let mut transaction = self.storage.records.begin().await?;
-        let insert = "INSERT INTO jobs (id, state, options, attempt, max_attempts, fence, cancel_requested, \
-                      stage_progress, notices, created_ms) VALUES ($1, 'queued', $2, 0, $3, 0, 0, 0, '[]', {now})";
-        let insert = sql(insert).bind(id.as_str()).bind(json(options)?).bind(i64::from(self.max_attempts));
+        self.quota.admit_job(&mut transaction, tenant).await??;
+        let insert = "INSERT INTO jobs (tenant, id, state, options, attempt, max_attempts, fence, cancel_requested, \
+                      stage_progress, notices, created_ms) VALUES ($1, $2, 'queued', $3, 0, $4, 0, 0, 0, '[]', {now})";
+        let insert = sql(insert).bind(tenant).bind(id.as_str()).bind(json(options)?).bind(i64::from(self.max_attempts));
         transaction.write(insert).await?;
         for (position, ray_set) in ray_sets.iter().enumerate() {
             let insert = "INSERT INTO job_inputs (job_id, position, ray_set_id) \
-                          SELECT $1, $2, id FROM ray_sets WHERE id = $3 {for_share}";
-            let insert = sql(insert).bind(id.as_str()).bind(position as i64).bind(ray_set.as_str());
+                          SELECT $1, $2, id FROM ray_sets WHERE id = $3 AND tenant = $4 {for_share}";
+            let insert = sql(insert).bind(id.as_str()).bind(position as i64).bind(ray_set.as_str()).bind(tenant);
             if transaction.write(insert).await? == 0 {
                 return Err(Error::MissingRaySet(ray_set.clone()));
             }
@@ -120,7 +143,7 @@ impl Queue {
         Ok(id)
     }
 
-    /// Takes the oldest waiting job that need not wait longer, after giving back what lost workers held.
+    /// Takes the oldest waiting job that need not wait longer and whose tenant may run one more, after giving back what lost workers held.
     ///
     /// # Errors
     /// The database did not answer.
@@ -129,15 +152,26 @@ impl Queue {
         let claim = "UPDATE jobs SET state = 'running', attempt = attempt + 1, fence = fence + 1, lease_owner = $1, \
                      lease_until_ms = {now} + $2, stage = NULL, stage_progress = 0, started_ms = {now} \
                      WHERE id = (SELECT id FROM jobs WHERE state = 'queued' AND COALESCE(lease_until_ms, 0) <= {now} \
+                     AND tenant NOT IN (SELECT id FROM tenants WHERE running_jobs = 0 UNION ALL \
+                     SELECT run.tenant FROM jobs run LEFT JOIN tenants ON tenants.id = run.tenant \
+                     WHERE run.state = 'running' GROUP BY run.tenant \
+                     HAVING COUNT(*) >= MIN(COALESCE(tenants.running_jobs, $3))) \
                      ORDER BY id LIMIT 1 {skip_locked}) \
-                     RETURNING id, fence, attempt, options";
+                     RETURNING id, tenant, fence, attempt, options";
         let claim = sql(claim).bind(self.owner.as_str()).bind(self.lease_ms);
+        let claim = claim.bind(i64::try_from(self.quota.running_jobs).unwrap_or(i64::MAX));
         let mut transaction = self.storage.records.begin().await?;
         let rows = transaction.read(claim).await?;
-        transaction.commit().await?;
         let Some(row) = rows.first() else { return Ok(None) };
+        let tenant = row.text("tenant")?;
+        // Another process may have begun a job of this tenant since that was looked at: then this one waits.
+        if !self.quota.admits_run(&mut transaction, &tenant).await? {
+            return Ok(None);
+        }
+        transaction.commit().await?;
         Ok(Some(Claim {
             id: row.text("id")?,
+            tenant,
             fence: row.number("fence")?,
             attempt: row.number("attempt")?,
             options: row.text("options")?,
@@ -256,32 +290,32 @@ impl Queue {
     ///
     /// # Errors
     /// [`Error::Missing`]; [`Error::State`] when it has ended; [`Error::Storage`].
-    pub async fn cancel(&self, id: &str) -> Result<(), Error> {
+    pub async fn cancel(&self, tenant: &str, id: &str) -> Result<(), Error> {
         let cancel = "UPDATE jobs SET cancel_requested = 1, \
                       finished_ms = CASE state WHEN 'queued' THEN {now} ELSE finished_ms END, \
                       lease_until_ms = CASE state WHEN 'queued' THEN NULL ELSE lease_until_ms END, \
                       state = CASE state WHEN 'queued' THEN 'cancelled' ELSE state END \
-                      WHERE id = $1 AND state IN ('queued', 'running')";
-        if self.storage.records.write(sql(cancel).bind(id)).await? > 0 {
+                      WHERE tenant = $1 AND id = $2 AND state IN ('queued', 'running')";
+        if self.storage.records.write(sql(cancel).bind(tenant).bind(id)).await? > 0 {
             return Ok(());
         }
-        Err(self.refusal(id).await?)
+        Err(self.refusal(tenant, id).await?)
     }
 
     /// Forgets an ended job: rows first, then blobs.
     ///
     /// # Errors
     /// [`Error::Missing`]; [`Error::State`] when it has not ended; [`Error::Storage`].
-    pub async fn delete(&self, id: &str) -> Result<(), Error> {
-        let delete = "DELETE FROM jobs WHERE id = $1 AND state IN ('succeeded', 'failed', 'cancelled')";
-        if self.storage.records.write(sql(delete).bind(id)).await? == 0 {
-            return Err(self.refusal(id).await?);
+    pub async fn delete(&self, tenant: &str, id: &str) -> Result<(), Error> {
+        let delete = "DELETE FROM jobs WHERE tenant = $1 AND id = $2 AND state IN ('succeeded', 'failed', 'cancelled')";
+        if self.storage.records.write(sql(delete).bind(tenant).bind(id)).await? == 0 {
+            return Err(self.refusal(tenant, id).await?);
         }
         Ok(self.storage.blobs.delete_all(&job_folder(id)).await?)
     }
 
-    async fn refusal(&self, id: &str) -> Result<Error, storage::Error> {
-        let job = query::get(&self.storage.records, id).await?;
+    async fn refusal(&self, tenant: &str, id: &str) -> Result<Error, storage::Error> {
+        let job = query::get(&self.storage.records, tenant, id).await?;
         Ok(job.map_or_else(|| Error::Missing(id.to_owned()), |job| Error::State(job.state)))
     }
 

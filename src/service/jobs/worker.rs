@@ -241,7 +241,7 @@ impl Worker {
         let mut inputs = Vec::new();
         for id in query::inputs(&self.storage.records, &claim.id).await? {
             let missing = || storage::Error::Records(format!("ray set {id} of job {} is gone", claim.id).into());
-            let ray_set = ray_sets::get(&self.storage.records, &id).await?.ok_or_else(missing)?;
+            let ray_set = ray_sets::get(&self.storage.records, &claim.tenant, &id).await?.ok_or_else(missing)?;
             let parts = ray_sets::parts(&self.storage.records, &id).await?;
             let bytes = Arc::new(Parts::new(self.storage.blobs.clone(), parts, Handle::current()));
             inputs.push(Input { name: ray_set.name, sha256: ray_set.sha256, bytes, declared: Declared::default() });

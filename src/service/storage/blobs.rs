@@ -169,7 +169,9 @@ impl Blobs {
 
 /// True for `http://` to this very machine.
 fn is_loopback(endpoint: &str) -> bool {
-    let Some(authority) = endpoint.strip_prefix("http://").and_then(|rest| rest.split('/').next()) else { return false };
+    let Some(authority) = endpoint.strip_prefix("http://").and_then(|rest| rest.split('/').next()) else {
+        return false;
+    };
     let host = match authority.strip_prefix('[') {
         Some(rest) => rest.split(']').next().unwrap_or_default(),
         None => authority.split(':').next().unwrap_or_default(),
@@ -215,7 +217,8 @@ mod tests {
         for here in ["http://127.0.0.1:9000", "http://[::1]:9000/x", "http://localhost", "http://127.9.9.9/"] {
             assert!(is_loopback(here), "{here}");
         }
-        for away in ["http://10.0.0.1:9000", "http://localhost.example.org", "http://127.0.0.1.nip.io", "https://x", ""] {
+        for away in ["http://10.0.0.1:9000", "http://localhost.example.org", "http://127.0.0.1.nip.io", "https://x", ""]
+        {
             assert!(!is_loopback(away), "{away}");
         }
     }

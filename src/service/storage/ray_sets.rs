@@ -1,8 +1,9 @@
 //! Rows of ray sets and their parts.
 
+use super::super::access::quota::{Exceeded, Quota};
 use super::Error;
 use super::parts::Part;
-use super::records::{Records, Row, sql};
+use super::records::{Records, Row, Transaction, sql};
 
 /// A ray file as it was taken in.
 #[derive(Clone, Debug)]
@@ -17,8 +18,19 @@ pub struct RaySet {
     pub sha256: String,
     /// What the file says of itself: the pipeline's header, as JSON.
     pub header: String,
+    /// The packed file it came in, if it did.
+    pub packed: Option<Packed>,
     /// When it was complete, epoch ms.
     pub created_ms: i64,
+}
+
+/// A packed file that ray sets came in; its bytes are not kept.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Packed {
+    /// What the user calls it.
+    pub name: String,
+    /// SHA-256 of the bytes as sent, lower-case hex.
+    pub sha256: String,
 }
 
 /// What came of asking to delete a ray set.
@@ -39,46 +51,71 @@ fn ray_set(row: &Row) -> Result<RaySet, Error> {
         byte_count: row.count("byte_count")?,
         sha256: row.text("sha256")?,
         header: row.text("header")?,
+        packed: row
+            .optional_text("packed_name")?
+            .zip(row.optional_text("packed_sha256")?)
+            .map(|(name, sha256)| Packed { name, sha256 }),
         created_ms: row.number("created_ms")?,
     })
 }
 
-/// Makes a ray set known, whose parts are all stored. Answers it with its time.
+/// Makes the ray sets of one upload known, all or none; their parts are all stored. Answers them with their times.
 ///
 /// # Errors
-/// The database did not answer.
-pub async fn insert(records: &Records, new: RaySet, parts: &[Part]) -> Result<RaySet, Error> {
+/// The database did not answer. Within: the tenant has no room for them; none is known.
+pub async fn insert(
+    records: &Records,
+    tenant: &str,
+    quota: Quota,
+    new: Vec<(RaySet, Vec<Part>)>,
+) -> Result<Result<Vec<RaySet>, Exceeded>, Error> {
     let mut transaction = records.begin().await?;
-    let insert = "INSERT INTO ray_sets (id, name, byte_count, sha256, header, created_ms) \
-                  VALUES ($1, $2, $3, $4, $5, {now}) RETURNING created_ms";
-    let insert = sql(insert).bind(new.id.as_str()).bind(new.name.as_str()).bind(new.byte_count.cast_signed());
-    let rows = transaction.read(insert.bind(new.sha256.as_str()).bind(new.header.as_str())).await?;
+    let mut known = Vec::new();
+    for (ray_set, parts) in new {
+        known.push(insert_one(&mut transaction, tenant, ray_set, &parts).await?);
+    }
+    if let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await? {
+        return Ok(Err(exceeded));
+    }
+    transaction.commit().await?;
+    Ok(Ok(known))
+}
+
+async fn insert_one(transaction: &mut Transaction, tenant: &str, new: RaySet, parts: &[Part]) -> Result<RaySet, Error> {
+    let insert = "INSERT INTO ray_sets (tenant, id, name, byte_count, sha256, header, packed_name, packed_sha256, \
+                  created_ms) VALUES ($1, $2, $3, $4, $5, $6, $7, $8, {now}) RETURNING created_ms";
+    let insert =
+        sql(insert).bind(tenant).bind(new.id.as_str()).bind(new.name.as_str()).bind(new.byte_count.cast_signed());
+    let insert = insert.bind(new.sha256.as_str()).bind(new.header.as_str());
+    let packed = new.packed.as_ref();
+    let insert = insert.bind(packed.map(|packed| packed.name.as_str()));
+    let rows = transaction.read(insert.bind(packed.map(|packed| packed.sha256.as_str()))).await?;
     for (number, part) in parts.iter().enumerate() {
         let insert = sql("INSERT INTO parts (ray_set_id, number, byte_count, blob) VALUES ($1, $2, $3, $4)");
         let insert = insert.bind(new.id.as_str()).bind(number as i64);
         transaction.write(insert.bind(part.byte_count.cast_signed()).bind(part.blob.as_str())).await?;
     }
-    transaction.commit().await?;
     let created_ms = rows.first().map_or(Ok(0), |row| row.number("created_ms"))?;
     Ok(RaySet { created_ms, ..new })
 }
 
-/// The ray set `id`, if there is one.
+/// The ray set `id` of `tenant`, if there is one.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn get(records: &Records, id: &str) -> Result<Option<RaySet>, Error> {
-    let row = records.read_one(sql("SELECT * FROM ray_sets WHERE id = $1").bind(id)).await?;
+pub async fn get(records: &Records, tenant: &str, id: &str) -> Result<Option<RaySet>, Error> {
+    let select = sql("SELECT * FROM ray_sets WHERE tenant = $1 AND id = $2");
+    let row = records.read_one(select.bind(tenant).bind(id)).await?;
     row.as_ref().map(ray_set).transpose()
 }
 
-/// At most `limit` ray sets older than the one called `before`, newest first.
+/// At most `limit` ray sets of `tenant`, older than the one called `before`, newest first.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn list(records: &Records, before: Option<&str>, limit: i64) -> Result<Vec<RaySet>, Error> {
-    let select = sql("SELECT * FROM ray_sets WHERE ($1 IS NULL OR id < $1) ORDER BY id DESC LIMIT $2");
-    records.read(select.bind(before).bind(limit)).await?.iter().map(ray_set).collect()
+pub async fn list(records: &Records, tenant: &str, before: Option<&str>, limit: i64) -> Result<Vec<RaySet>, Error> {
+    let select = "SELECT * FROM ray_sets WHERE tenant = $1 AND ($2 IS NULL OR id < $2) ORDER BY id DESC LIMIT $3";
+    records.read(sql(select).bind(tenant).bind(before).bind(limit)).await?.iter().map(ray_set).collect()
 }
 
 /// The parts of a ray set, in order.
@@ -91,21 +128,23 @@ pub async fn parts(records: &Records, id: &str) -> Result<Vec<Part>, Error> {
     rows.iter().map(|row| Ok(Part { byte_count: row.count("byte_count")?, blob: row.text("blob")? })).collect()
 }
 
-/// Deletes the rows of a ray set that no unfinished job needs.
+/// Deletes the rows of a ray set of `tenant` that no unfinished job needs.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn delete(records: &Records, id: &str) -> Result<Deletion, Error> {
+pub async fn delete(records: &Records, tenant: &str, id: &str) -> Result<Deletion, Error> {
     let mut transaction = records.begin().await?;
     // Waits for whoever is queuing a job for it, and makes those that come later wait: only then can the jobs be looked at.
-    transaction.write(sql("UPDATE ray_sets SET name = name WHERE id = $1").bind(id)).await?;
-    let delete = "DELETE FROM ray_sets WHERE id = $1 AND NOT EXISTS (SELECT 1 FROM job_inputs \
+    transaction
+        .write(sql("UPDATE ray_sets SET name = name WHERE tenant = $1 AND id = $2").bind(tenant).bind(id))
+        .await?;
+    let delete = "DELETE FROM ray_sets WHERE tenant = $1 AND id = $2 AND NOT EXISTS (SELECT 1 FROM job_inputs \
                   JOIN jobs ON jobs.id = job_inputs.job_id \
-                  WHERE job_inputs.ray_set_id = $1 AND jobs.state IN ('queued', 'running'))";
-    let deleted = transaction.write(sql(delete).bind(id)).await?;
+                  WHERE job_inputs.ray_set_id = $2 AND jobs.state IN ('queued', 'running'))";
+    let deleted = transaction.write(sql(delete).bind(tenant).bind(id)).await?;
     transaction.commit().await?;
     if deleted > 0 {
         return Ok(Deletion::Deleted);
     }
-    Ok(if get(records, id).await?.is_some() { Deletion::Needed } else { Deletion::Missing })
+    Ok(if get(records, tenant, id).await?.is_some() { Deletion::Needed } else { Deletion::Missing })
 }

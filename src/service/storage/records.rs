@@ -260,8 +260,9 @@ impl Records {
 /// Connections of which each knows its dialect's rules. One that the database dropped is replaced when it is next asked for.
 fn pool(dialect: &'static Dialect, connections: u32) -> AnyPoolOptions {
     let options = AnyPoolOptions::new().max_connections(connections).acquire_timeout(dialect.acquire);
-    options
-        .after_connect(move |connection, _| Box::pin(async move { connection.execute(dialect.connection).await.map(|_| ()) }))
+    options.after_connect(move |connection, _| {
+        Box::pin(async move { connection.execute(dialect.connection).await.map(|_| ()) })
+    })
 }
 
 async fn migrate(pool: &AnyPool) -> Result<(), Error> {

@@ -1,0 +1,97 @@
+//! Unpacks an upload: every ray file in it becomes a ray set of its own, stored part by part as it comes out. What is no ray
+//! file is left out and said so; a broken packed file gives nothing.
+
+use super::storage::new_id;
+use super::storage::ray_sets::Packed;
+use super::upload::{Draft, Error, Intake, LeftOut, Spool, Stored};
+use crate::pipeline::{self, Content, Member};
+use std::io;
+use tokio::runtime::Handle;
+use tokio::task::spawn_blocking;
+
+/// Bytes unpacked at once.
+const BLOCK_BYTES: usize = 256 << 10;
+
+impl Intake {
+    /// The ray sets in a stored packed file, and what else is in it. On a thread of its own: unpacking computes.
+    ///
+    /// # Errors
+    /// [`Error::Packed`], [`Error::NoRayFile`], [`Error::TooLarge`], [`Error::Storage`]; nothing unpacked is left behind.
+    pub(super) async fn unpack(&self, packed: Stored) -> Result<(Vec<Draft>, Vec<LeftOut>), Error> {
+        let (intake, runtime) = (self.clone(), Handle::current());
+        let unpacked = spawn_blocking(move || Unpacking::run(intake, runtime, &packed));
+        unpacked.await.map_err(|error| pipeline::Error::Unreadable(io::Error::other(error)))?
+    }
+}
+
+/// What has come out of a packed file so far.
+struct Unpacking {
+    intake: Intake,
+    runtime: Handle,
+    packed: Packed,
+    drafts: Vec<Draft>,
+    left_out: Vec<LeftOut>,
+}
+
+impl Unpacking {
+    fn run(intake: Intake, runtime: Handle, stored: &Stored) -> Result<(Vec<Draft>, Vec<LeftOut>), Error> {
+        let (bytes, limits) = (intake.read(stored), intake.limits);
+        let packed = Packed { name: stored.name.clone(), sha256: stored.sha256.clone() };
+        let mut this = Unpacking { intake, runtime, packed, drafts: Vec::new(), left_out: Vec::new() };
+        let done = pipeline::unpack(&bytes, &stored.name, &limits, |name, content| this.visit(name, content));
+        match done {
+            Ok(()) if this.drafts.is_empty() => Err(Error::NoRayFile(this.left_out)),
+            Ok(()) => Ok((this.drafts, this.left_out)),
+            Err(error) => {
+                for (ray_set, _) in &this.drafts {
+                    this.runtime.block_on(this.intake.forget(&ray_set.id));
+                }
+                Err(error)
+            }
+        }
+    }
+
+    fn visit(&mut self, name: &str, content: Content<'_>) -> Result<(), Error> {
+        let kept = match content {
+            Content::Open(mut member) => self.keep(name, &mut member),
+            Content::Closed(error) => Err(Error::Unfit(error)),
+        };
+        match kept {
+            Ok(draft) => self.drafts.push(draft),
+            Err(error) => self.left_out.push(left_out(name, error)?),
+        }
+        Ok(())
+    }
+
+    /// Stores a file in the packed one as a ray set to be.
+    fn keep(&self, name: &str, member: &mut Member<'_>) -> Result<Draft, Error> {
+        let id = new_id();
+        let kept = self
+            .store(&id, name, member)
+            .and_then(|stored| self.runtime.block_on(self.intake.draft(stored, Some(self.packed.clone()))));
+        kept.inspect_err(|_| self.runtime.block_on(self.intake.forget(&id)))
+    }
+
+    fn store(&self, id: &str, name: &str, member: &mut Member<'_>) -> Result<Stored, Error> {
+        let mut spool = Spool::new(&self.intake, id, None);
+        let mut block = vec![0; BLOCK_BYTES];
+        loop {
+            let count = member.read(&mut block).map_err(Error::Packed)?;
+            if count == 0 {
+                return self.runtime.block_on(spool.end(name.to_owned()));
+            }
+            self.runtime.block_on(spool.push(block.get(..count).unwrap_or_default()))?;
+        }
+    }
+}
+
+/// Why a file is no ray set; any other error ends the whole upload.
+fn left_out(name: &str, error: Error) -> Result<LeftOut, Error> {
+    use pipeline::Error::{Malformed, Refused};
+    let code = match &error {
+        Error::Unfit(unfit @ (Malformed(_) | Refused(_))) => unfit.code(),
+        Error::Empty => "upload.empty",
+        _ => return Err(error),
+    };
+    Ok(LeftOut { name: name.to_owned(), code: code.to_owned(), detail: error.to_string() })
+}
