@@ -1,6 +1,7 @@
 //! Spans to an OpenTelemetry collector, over HTTP: the only file that names it. Where to is said by the usual variables,
 //! `OTEL_EXPORTER_OTLP_ENDPOINT` or `OTEL_EXPORTER_OTLP_TRACES_ENDPOINT`; without them nothing is sent.
 
+use super::super::tls;
 use opentelemetry::KeyValue;
 use opentelemetry::trace::TracerProvider;
 use opentelemetry_otlp::SpanExporter;
@@ -19,6 +20,8 @@ impl Traces {
     /// Begins, if there is a collector; with the layer that gives it spans.
     pub fn begin<S: Subscriber + for<'a> LookupSpan<'a>>() -> Option<(Traces, OpenTelemetryLayer<S, Tracer>)> {
         PLACES.iter().find_map(std::env::var_os)?;
+        // A collector may be asked over TLS.
+        tls::install();
         let exporter = match SpanExporter::builder().with_http().build() {
             Ok(exporter) => exporter,
             Err(error) => {
