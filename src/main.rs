@@ -1,7 +1,7 @@
 //! The command line: reads arguments and nothing else. `lampwright --help` is its documentation.
 
 use clap::{Parser, Subcommand};
-use lampwright::command::{Failure, backup, build, health, inspect, keys, openapi, sample, serve, tenants};
+use lampwright::command::{Failure, backup, build, convert, health, inspect, keys, openapi, sample, serve, tenants};
 use std::process::ExitCode;
 
 /// Turns a light source's ray file into a continuous source model: hull mesh with spectra, zonal goniograms, IES files.
@@ -24,6 +24,8 @@ enum Verb {
     Build(build::Arguments),
     /// Say what a ray file says of itself, and what its rays say.
     Inspect(inspect::Arguments),
+    /// Write a ray file as another: IES TM-25 or Zemax binary.
+    Convert(convert::Arguments),
     /// Write a known source as an IES TM-25 ray file.
     Sample(sample::Arguments),
     /// Make, list, rotate and revoke the keys of a service.
@@ -44,6 +46,7 @@ fn main() -> ExitCode {
         Verb::Serve(arguments) => serve::run(&arguments),
         Verb::Build(arguments) => build::run(&arguments),
         Verb::Inspect(arguments) => inspect::run(&arguments),
+        Verb::Convert(arguments) => convert::run(&arguments),
         Verb::Sample(arguments) => sample::run(&arguments),
         Verb::Keys(arguments) => keys::run(arguments),
         Verb::Tenants(arguments) => tenants::run(arguments),

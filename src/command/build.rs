@@ -19,7 +19,7 @@ use std::time::Duration;
 /// Arguments of `build`.
 #[derive(Args)]
 pub struct Arguments {
-    /// Ray files of one source, in one frame.
+    /// Ray files of one source, in one frame; packed ones too, FILE:MEMBER where a zip holds several.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Folder for the results; made if missing, and must be empty.

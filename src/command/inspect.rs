@@ -3,30 +3,50 @@
 use super::progress::Progress;
 use super::table::{Table, count, flux, number, triple};
 use super::{Failure, file};
-use crate::pipeline::{Header, Inspection, Limits, Notice};
+use crate::pipeline::{self, Header, Input, Inspection, Limits, Notice};
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Arguments of `inspect`.
 #[derive(Args)]
 pub struct Arguments {
-    /// The ray file.
+    /// The ray file; or a packed one: every ray file in it, or FILE:MEMBER.
     file: PathBuf,
-    /// JSON instead of a table.
+    /// JSON instead of a table; one document for each ray file.
     #[arg(long)]
     json: bool,
+    /// Where to write drawings of origins and far field.
+    #[arg(long, value_name = "DIR")]
+    svg: Option<PathBuf>,
 }
 
 /// Reads the whole file once and prints what is in it.
 ///
 /// # Errors
-/// A file that cannot be read or is refused.
+/// A file that cannot be read or is refused; the others in the same packed file are printed all the same.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let input = file::open(&arguments.file)?;
+    let found = file::find(&arguments.file)?;
+    for (name, error) in &found.left_out {
+        eprintln!("left out {name} ({}): {error}", error.code());
+    }
+    let mut failed = None;
+    for input in found.open_all() {
+        if let Some(earlier) = input.and_then(|input| one(arguments, &input)).err().and_then(|new| failed.replace(new))
+        {
+            eprintln!("{earlier}");
+        }
+    }
+    failed.map_or(Ok(()), Err)
+}
+
+fn one(arguments: &Arguments, input: &Input) -> Result<(), Failure> {
     let progress = Progress::start();
-    let inspected = crate::pipeline::inspect(&input, &Limits::default(), &progress);
+    let inspected = pipeline::inspect(input, &Limits::default(), &progress);
     progress.finish();
     let inspection = inspected.map_err(|error| Failure::from(error).at(&input.name))?;
+    if let Some(folder) = &arguments.svg {
+        draw(&inspection, &input.name, folder)?;
+    }
     if arguments.json {
         let text = serde_json::to_string_pretty(&inspection);
         println!("{}", text.map_err(|error| Failure::failed("inspect.json", error.to_string(), "Leave out --json."))?);
@@ -36,8 +56,18 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         table.row("file", ["sha256".into(), input.sha256.clone()]);
         header_rows(&mut table, &inspection.header);
         ray_rows(&mut table, &inspection);
+        check_rows(&mut table, &inspection);
         notice_rows(&mut table, &inspection.notices);
         print!("{table}");
+    }
+    Ok(())
+}
+
+fn draw(inspection: &Inspection, name: &str, folder: &Path) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder).map_err(|error| Failure::disk(folder, &error))?;
+    for drawing in pipeline::drawings(inspection, name) {
+        let path = folder.join(&drawing.name);
+        std::fs::write(&path, &drawing.bytes).map_err(|error| Failure::disk(&path, &error))?;
     }
     Ok(())
 }
@@ -69,11 +99,23 @@ fn ray_rows(table: &mut Table, found: &Inspection) {
     if let Some((low, high)) = found.wavelength_nm {
         table.row("rays", ["wavelength".into(), format!("{} to {} nm", number(low), number(high))]);
     }
-    let (min, max) = (found.origins_mm.min, found.origins_mm.max);
-    table.row("rays", ["origins".into(), format!("{} to {} mm", triple(min), triple(max))]);
-    table.row("rays", ["middle".into(), format!("{} mm", triple(found.centroid_mm))]);
+    if let (Some(origins), Some(middle)) = (found.origins_mm, found.centroid_mm) {
+        table.row("rays", ["origins".into(), format!("{} to {} mm", triple(origins.min), triple(origins.max))]);
+        table.row("rays", ["middle".into(), format!("{} mm", triple(middle))]);
+    }
     let toward = found.hemispheres.iter().map(|side| format!("{} {:.2} %", side.axis.name(), 100.0 * side.share));
     table.row("rays", ["toward".into(), toward.collect::<Vec<_>>().join(", ")]);
+}
+
+/// One line per check, with what to do below it; then the worst of them.
+fn check_rows(table: &mut Table, found: &Inspection) {
+    for check in &found.checks {
+        table.row("checks", [check.verdict.name().into(), check.check.into(), check.message.clone()]);
+        if let Some(remedy) = &check.remedy {
+            table.row("checks", [String::new(), String::new(), format!("→ {remedy}")]);
+        }
+    }
+    table.row("verdict", [found.verdict.name().into()]);
 }
 
 /// One line per notice.

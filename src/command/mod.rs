@@ -21,6 +21,8 @@ pub mod serve;
 pub mod build;
 /// `inspect`: what a file says, and what its rays say.
 pub mod inspect;
+/// `convert`: a ray file as another.
+pub mod convert;
 /// `sample`: known sources as ray files.
 pub mod sample;
 /// `openapi`: the contract.

@@ -15,10 +15,19 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Starts the bar.
+    /// Starts the bar of a whole run.
     pub fn start() -> Progress {
+        Progress::over(Stage::ALL.len() as u64)
+    }
+
+    /// Starts the bar of work that ends with the rays.
+    pub fn start_reading() -> Progress {
+        Progress::over(1)
+    }
+
+    fn over(stages: u64) -> Progress {
         let style = ProgressStyle::with_template("{msg:9} {wide_bar} {percent:>3} % {elapsed}");
-        let bar = ProgressBar::new(STEPS * Stage::ALL.len() as u64);
+        let bar = ProgressBar::new(STEPS * stages);
         Progress { bar: style.map_or(bar.clone(), |style| bar.with_style(style)), entered: Mutex::default() }
     }
 

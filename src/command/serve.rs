@@ -255,8 +255,7 @@ impl From<StartError> for Failure {
             ),
             StartError::Storage(_) => (
                 "serve.storage",
-                "See that the data folder is whole and has room, and that the engines named by DATABASE_URL and STORAGE_URL \
-                 answer.",
+                "See that the data folder is whole and has room, and that the engines named by DATABASE_URL and STORAGE_URL answer.",
             ),
             StartError::Threads(_) => ("serve.threads", "Give fewer with --threads or --jobs."),
         };

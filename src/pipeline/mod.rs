@@ -25,6 +25,7 @@ pub use error::{Error, Fault, Place};
 pub use hull::Emission;
 pub use rays::container::{Content, Member, Packing, packing, unpack};
 pub use rays::declared::{Column, Declared, FluxOverride};
+pub use rays::inspect::checks::{Check, Verdict};
 pub use rays::inspect::{Header, Inspection};
 pub use rays::{Bytes, Format, Input};
 pub use vocabulary::limits::Limits;
@@ -121,4 +122,10 @@ pub fn header(input: &Input, limits: &Limits) -> Result<Header, Error> {
 /// As [`header`]; [`Error::Cancelled`].
 pub fn inspect(input: &Input, limits: &Limits, watch: &dyn Watch) -> Result<Inspection, Error> {
     rays::inspect::inspect(input, limits, StageWatch::enter(watch, Stage::Rays)?)
+}
+
+/// Small drawings of what an inspection found, `origins.svg` and `far-field.svg`; none where no ray can be used. `name` is the
+/// file's.
+pub fn drawings(inspection: &Inspection, name: &str) -> Vec<Artifact> {
+    artifacts::svg::inspection::artifacts(inspection, name)
 }

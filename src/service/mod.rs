@@ -8,6 +8,8 @@ pub mod telemetry;
 pub mod metrics;
 /// Who may do what.
 pub mod access;
+/// Points at which a test makes the process die.
+pub mod crash;
 /// Which cryptography TLS uses.
 pub mod tls;
 /// What outlives the process: rows and blobs.

@@ -2,12 +2,13 @@
 //! file is left out and said so; a broken packed file gives nothing.
 
 use super::storage::new_id;
-use super::storage::ray_sets::Packed;
-use super::upload::{Draft, Error, Intake, LeftOut, Spool, Stored};
+use super::storage::ray_sets::{Draft, Packed};
+use super::upload::{Error, Intake, LeftOut, Spool, Stored};
 use crate::pipeline::{self, Content, Member};
 use std::io;
 use tokio::runtime::Handle;
 use tokio::task::spawn_blocking;
+use tokio_util::sync::CancellationToken;
 
 /// Bytes unpacked at once.
 const BLOCK_BYTES: usize = 256 << 10;
@@ -17,9 +18,13 @@ impl Intake {
     ///
     /// # Errors
     /// [`Error::Packed`], [`Error::NoRayFile`], [`Error::TooLarge`], [`Error::Storage`]; nothing unpacked is left behind.
-    pub(super) async fn unpack(&self, packed: Stored) -> Result<(Vec<Draft>, Vec<LeftOut>), Error> {
+    pub(super) async fn unpack(
+        &self,
+        packed: Stored,
+        gone: CancellationToken,
+    ) -> Result<(Vec<Draft>, Vec<LeftOut>), Error> {
         let (intake, runtime) = (self.clone(), Handle::current());
-        let unpacked = spawn_blocking(move || Unpacking::run(intake, runtime, &packed));
+        let unpacked = spawn_blocking(move || Unpacking::run(intake, runtime, &packed, gone));
         unpacked.await.map_err(|error| pipeline::Error::Unreadable(io::Error::other(error)))?
     }
 }
@@ -28,22 +33,28 @@ impl Intake {
 struct Unpacking {
     intake: Intake,
     runtime: Handle,
+    gone: CancellationToken,
     packed: Packed,
     drafts: Vec<Draft>,
     left_out: Vec<LeftOut>,
 }
 
 impl Unpacking {
-    fn run(intake: Intake, runtime: Handle, stored: &Stored) -> Result<(Vec<Draft>, Vec<LeftOut>), Error> {
+    fn run(
+        intake: Intake,
+        runtime: Handle,
+        stored: &Stored,
+        gone: CancellationToken,
+    ) -> Result<(Vec<Draft>, Vec<LeftOut>), Error> {
         let (bytes, limits) = (intake.read(stored), intake.limits);
         let packed = Packed { name: stored.name.clone(), sha256: stored.sha256.clone() };
-        let mut this = Unpacking { intake, runtime, packed, drafts: Vec::new(), left_out: Vec::new() };
+        let mut this = Unpacking { intake, runtime, gone, packed, drafts: Vec::new(), left_out: Vec::new() };
         let done = pipeline::unpack(&bytes, &stored.name, &limits, |name, content| this.visit(name, content));
         match done {
             Ok(()) if this.drafts.is_empty() => Err(Error::NoRayFile(this.left_out)),
             Ok(()) => Ok((this.drafts, this.left_out)),
             Err(error) => {
-                for (ray_set, _) in &this.drafts {
+                for Draft { ray_set, .. } in &this.drafts {
                     this.runtime.block_on(this.intake.forget(&ray_set.id));
                 }
                 Err(error)
@@ -66,9 +77,9 @@ impl Unpacking {
     /// Stores a file in the packed one as a ray set to be.
     fn keep(&self, name: &str, member: &mut Member<'_>) -> Result<Draft, Error> {
         let id = new_id();
-        let kept = self
-            .store(&id, name, member)
-            .and_then(|stored| self.runtime.block_on(self.intake.draft(stored, Some(self.packed.clone()))));
+        let kept = self.store(&id, name, member).and_then(|stored| {
+            self.runtime.block_on(self.intake.draft(stored, Some(self.packed.clone()), self.gone.clone()))
+        });
         kept.inspect_err(|_| self.runtime.block_on(self.intake.forget(&id)))
     }
 

@@ -3,12 +3,14 @@
 //! when all of it is there: its digest covers what was sent.
 
 use super::access::quota::{Exceeded, Quota, Room};
+use super::crash;
 use super::jobs::worker::hex;
 use super::pace::{Pace, Slowest, TooSlow};
+use super::storage::inspections::{Drawing, Inspection};
 use super::storage::parts::{Part, Parts};
-use super::storage::ray_sets::{self, Packed, RaySet};
+use super::storage::ray_sets::{self, Draft, Packed, RaySet};
 use super::storage::{self, Storage, new_id, ray_set_folder};
-use crate::pipeline::{self, Declared, Input, Limits};
+use crate::pipeline::{self, Artifact, Declared, Input, Limits, Stage, Watch};
 use bytes::{Bytes, BytesMut};
 use futures::Stream;
 use serde::Serialize;
@@ -18,6 +20,7 @@ use std::pin::pin;
 use std::sync::Arc;
 use tokio::runtime::Handle;
 use tokio::task::spawn_blocking;
+use tokio_util::sync::CancellationToken;
 
 /// Length of every part but the last, bytes.
 pub const PART_BYTES: usize = 8 << 20;
@@ -84,9 +87,6 @@ pub struct Taken {
     pub left_out: Vec<LeftOut>,
 }
 
-/// A ray set and its stored parts, not known yet.
-pub(super) type Draft = (RaySet, Vec<Part>);
-
 /// One file, stored and not known yet.
 pub(super) struct Stored {
     /// Of the ray set that it becomes; its blobs are in that folder.
@@ -110,6 +110,16 @@ pub struct Announcement {
     pub byte_count: Option<u64>,
     /// Its SHA-256, hex, as often as it was said.
     pub sha256: Vec<String>,
+    /// Cancelled when the sender no longer waits for the answer: its rays need not be read to their end.
+    pub gone: CancellationToken,
+}
+
+/// What a whole file turned out to be.
+struct Described {
+    /// What it says of itself, as JSON.
+    header: String,
+    /// What its rays say.
+    inspection: Inspection,
 }
 
 /// Takes files in. Cheap to clone.
@@ -139,23 +149,21 @@ impl Intake {
         body: impl Stream<Item = Result<Bytes, E>>,
     ) -> Result<Taken, Error> {
         let id = new_id();
+        let gone = announcement.gone.clone();
         let room = self.quota.room(&self.storage.records, tenant).await?;
-        let stored = self.receive(&id, announcement, room, body).await;
-        let is_packed = stored.as_ref().is_ok_and(|stored| stored.is_packed);
-        let drafts = match stored {
-            Ok(packed) if is_packed => self.unpack(packed).await,
-            Ok(stored) => self.draft(stored, None).await.map(|draft| (vec![draft], Vec::new())),
-            Err(error) => Err(error),
+        let stored = match self.receive(&id, announcement, room, body).await {
+            Ok(stored) => stored,
+            Err(error) => {
+                self.forget(&id).await;
+                return Err(error);
+            }
         };
-        if is_packed || drafts.is_err() {
-            self.forget(&id).await;
-        }
-        let (drafts, left_out) = drafts?;
-        // From here on the rows may be there, whatever the answer: only the sweep of the next start can tell.
-        let ids: Vec<String> = drafts.iter().map(|(ray_set, _)| ray_set.id.clone()).collect();
+        let (drafts, left_out) = self.drafts(stored, gone).await?;
+        let ids: Vec<String> = drafts.iter().map(|draft| draft.ray_set.id.clone()).collect();
+        // From here on the rows may be there, whatever the answer: only the sweep of garbage can tell.
         let known = ray_sets::insert(&self.storage.records, tenant, self.quota, drafts).await;
         let known = known.inspect_err(|error| {
-            tracing::error!(upload = id, %error, "an upload may or may not be known; its blobs stay until the next start");
+            tracing::error!(upload = id, %error, "an upload may or may not be known; its blobs stay until they are swept");
         })?;
         if known.is_err() {
             for id in &ids {
@@ -163,6 +171,27 @@ impl Intake {
             }
         }
         Ok(Taken { ray_sets: known?, left_out })
+    }
+
+    /// The ray sets that a stored file is to be: itself, or those in it when it is packed. Its own blobs are then gone, as they
+    /// are when this fails. Stops when its client is `gone`.
+    ///
+    /// # Errors
+    /// [`Error`]; nothing is left behind.
+    pub(super) async fn drafts(
+        &self,
+        stored: Stored,
+        gone: CancellationToken,
+    ) -> Result<(Vec<Draft>, Vec<LeftOut>), Error> {
+        let (id, is_packed) = (stored.id.clone(), stored.is_packed);
+        let drafts = match is_packed {
+            true => self.unpack(stored, gone).await,
+            false => self.draft(stored, None, gone).await.map(|draft| (vec![draft], Vec::new())),
+        };
+        if is_packed || drafts.is_err() {
+            self.forget(&id).await;
+        }
+        drafts
     }
 
     /// Deletes the blobs of a ray set that no row names. Should this fail too, the next start sweeps them.
@@ -196,16 +225,22 @@ impl Intake {
     }
 
     /// The ray set that a stored file is to be, with what the whole file says of itself.
-    pub(super) async fn draft(&self, stored: Stored, packed: Option<Packed>) -> Result<Draft, Error> {
+    pub(super) async fn draft(
+        &self,
+        stored: Stored,
+        packed: Option<Packed>,
+        gone: CancellationToken,
+    ) -> Result<Draft, Error> {
         let input = Input {
             name: stored.name.clone(),
             sha256: stored.sha256.clone(),
             bytes: Arc::new(self.read(&stored)),
             declared: Declared::default(),
         };
-        let header = self.header(input).await?;
+        let Described { header, inspection } = self.inspect_and_describe(input, gone).await?;
         let Stored { id, name, sha256, byte_count, parts, .. } = stored;
-        Ok((RaySet { id, name, byte_count, sha256, header, packed, created_ms: 0 }, parts))
+        let ray_set = RaySet { id, name, byte_count, sha256, header, packed, created_ms: 0 };
+        Ok(Draft { ray_set, parts, inspection })
     }
 
     /// The bytes of a stored file.
@@ -213,14 +248,42 @@ impl Intake {
         Parts::new(self.storage.blobs.clone(), stored.parts.clone(), Handle::current())
     }
 
-    /// What the whole file says of itself, as JSON.
-    async fn header(&self, input: Input) -> Result<String, Error> {
+    /// Reads the whole file once, on a thread that may block, until `gone`.
+    async fn inspect_and_describe(&self, input: Input, gone: CancellationToken) -> Result<Described, Error> {
         let limits = self.limits;
-        let header = spawn_blocking(move || {
-            let header = pipeline::header(&input, &limits)?;
-            serde_json::to_string(&header).map_err(|error| pipeline::Error::Unreadable(error.into()))
-        });
-        Ok(header.await.map_err(|error| pipeline::Error::Unreadable(std::io::Error::other(error)))??)
+        let described = spawn_blocking(move || describe(&input, &limits, &Until(gone)));
+        Ok(described.await.map_err(|error| pipeline::Error::Unreadable(std::io::Error::other(error)))??)
+    }
+}
+
+/// Inspects a file and draws what was found.
+fn describe(input: &Input, limits: &Limits, watch: &dyn Watch) -> Result<Described, pipeline::Error> {
+    let found = pipeline::inspect(input, limits, watch)?;
+    let unwritable = |error: serde_json::Error| pipeline::Error::Unreadable(error.into());
+    let mut header = found.header.clone();
+    header.texts.clear();
+    let drawing = |drawing: Artifact| Drawing {
+        sha256: hex(&Sha256::digest(&drawing.bytes)),
+        svg: String::from_utf8_lossy(&drawing.bytes).into_owned(),
+        name: drawing.name,
+    };
+    Ok(Described {
+        header: serde_json::to_string(&header).map_err(unwritable)?,
+        inspection: Inspection {
+            json: serde_json::to_string(&found).map_err(unwritable)?,
+            drawings: pipeline::drawings(&found, &input.name).into_iter().map(drawing).collect(),
+        },
+    })
+}
+
+/// Watches an inspection on behalf of a client that may go away.
+struct Until(CancellationToken);
+
+impl Watch for Until {
+    fn progress(&self, _stage: Stage, _fraction: f64) {}
+
+    fn cancelled(&self) -> bool {
+        self.0.is_cancelled()
     }
 }
 
@@ -320,6 +383,7 @@ impl<'a> Spool<'a> {
             byte_count: bytes.len() as u64,
         };
         self.intake.storage.blobs.put(&part.blob, bytes).await?;
+        crash::point("upload.part_stored");
         self.parts.push(part);
         Ok(())
     }

@@ -6,8 +6,10 @@ use lampwright::service::access::quota::Quota;
 use lampwright::service::jobs::options::JobOptions;
 use lampwright::service::jobs::queue::{Claim, Queue};
 use lampwright::service::jobs::{Failure, State, TRANSITIONS};
+use lampwright::service::storage::Storage;
+use lampwright::service::storage::inspections::Inspection;
+use lampwright::service::storage::ray_sets::{self, Draft};
 use lampwright::service::storage::records::sql;
-use lampwright::service::storage::{Storage, ray_sets};
 use serde_json::json;
 use std::time::{Duration, Instant};
 
@@ -169,7 +171,8 @@ async fn only_the_transitions_of_the_table_happen() {
         packed: None,
         created_ms: 0,
     };
-    ray_sets::insert(&storage.records, "default", Quota::default(), vec![(row, Vec::new())]).await.unwrap().unwrap();
+    let draft = Draft { ray_set: row, parts: Vec::new(), inspection: Inspection::default() };
+    ray_sets::insert(&storage.records, "default", Quota::default(), vec![draft]).await.unwrap().unwrap();
     let lease = Duration::from_secs(60);
     let (ours, theirs) = (Queue::new(storage.clone(), lease, 3), Queue::new(storage.clone(), lease, 3));
     let mut seen = Vec::new();

@@ -28,6 +28,8 @@ mod connections;
 mod upkeep;
 /// Every way to ask wrongly.
 mod requests;
+/// What an upload answers of its rays.
+mod inspections;
 /// Queue, cancellation, deletion, pages.
 mod jobs;
 /// What processes and stores do to jobs.

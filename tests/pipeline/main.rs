@@ -3,7 +3,16 @@
 #![expect(clippy::unwrap_used, reason = "what a test stumbles over is its finding")]
 
 mod bad_input;
+mod inspection;
 mod known_sources;
+mod prefixes;
+mod packed;
+#[path = "../support/packing.rs"]
+mod packing;
 mod rays;
+mod real_files;
+mod real_text_files;
 #[path = "../support/statistics.rs"]
 mod statistics;
+mod text_files;
+mod writers;

@@ -411,7 +411,9 @@ fn the_first_bytes_tell_as_much_as_they_can() {
     let mut wrong = bytes[..36_288].to_vec();
     wrong[60] = 7;
     assert_eq!(peek(&wrong, None, &limits).unwrap_err().code(), "tm25.spectral_identifier");
-    assert_eq!(peek(b"LTRF....", Some(9_000_000_000), &limits).unwrap_err().code(), "detect.lighttools");
+    assert_eq!(peek(b"LTRF....", Some(9_000_000_000), &limits).unwrap(), Some(Format::LightToolsBinary));
+    let third = [*b"LTRF", [3, 0, 0, 0]].concat().into_iter().chain([0; 40]).collect::<Vec<u8>>();
+    assert_eq!(peek(&third, None, &limits).unwrap_err().code(), "lighttools.polarised");
     assert_eq!(peek(&bytes[..36_288], None, &Limits { max_rays: 99, ..limits }).unwrap_err().code(), "rays.too_many");
     let told = header(&input(bytes), &limits).unwrap();
     assert_eq!((told.format, told.ray_count, told.flux.radiant_w), (Format::Tm25, 100, Some(1.0)));
@@ -470,36 +472,13 @@ fn lighttools_export_is_scaled_to_its_header() {
 }
 
 #[test]
-fn zemax_files_sum_their_rays() {
-    let cases = [
-        ("zemax_omnistic_binary_source.dat", 1, Some(1.0), 1),
-        ("ansys_test_08_dat.DAT", 11, Some(11.0), 1),
-        ("ansys_test_08_ray_reference.sdf", 11, Some(11.0), 0),
-        ("mu_ThreeRays_Wavelength_ZMX.ray", 3, Some(0.009_319_803), 0),
-    ];
-    for (name, count, watt, header_wavelength) in cases {
-        let Some(bytes) = real(name) else { return };
-        let source = read_all(vec![bytes]).unwrap();
-        let (used, radiant, _) = sums(&source);
-        assert_eq!(used, count, "{name}");
-        assert!(close(radiant, watt.unwrap(), 1e-6), "{name}: {radiant}");
-        assert_eq!(source.notices.count_of("zemax.header_wavelength"), header_wavelength, "{name}");
-    }
-    let Some(lumens) = real("ansys_test_08_dat_flux_type_1.dat") else { return };
-    let source = read_all(vec![lumens]).unwrap();
-    assert!(close(source.flux.luminous_lm.unwrap(), 0.0015, 1e-6));
-    let Some(swapped) = real("ansys_test_08_sdf.sdf") else { return };
-    assert_eq!(read_all(vec![swapped]).unwrap().notices.count_of("zemax.swapped_columns"), 1);
-}
-
-#[test]
-fn formats_not_read_are_named() {
+fn what_is_not_read_is_named() {
     let cases = [
         ("mu_Cyl10k.1.ray", "detect.lighttools_text"),
-        ("mu_ThreeRays_Wavelength.1.ray", "detect.lighttools"),
-        ("speos_pyspeos_Rays.ray", "detect.speos"),
         ("mu_ZemaxText.txt", "detect.text"),
-        ("mu_VirtualFocus.pdf", "detect.unknown"),
+        ("mu_VirtualFocus.pdf", "detect.document"),
+        ("mu_LEDWhite.txt", "detect.spectrum"),
+        ("mu_LERTDUW_S2WP_binBQ_white-blue_20110706_spectrum.txt", "detect.spectrum"),
     ];
     for (name, code) in cases {
         let Some(bytes) = real(name) else { return };

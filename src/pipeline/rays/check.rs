@@ -1,6 +1,7 @@
 //! What a ray must satisfy. Refused: it cannot be meant. Dropped: it carries no light. Repaired: its direction is normalised.
 
 use super::super::Error;
+use super::super::vocabulary::limits::Limits;
 use super::bytes::f32_in;
 use super::conversion::Conversion;
 use super::{Bytes, Facts, RawRay, SpectralData};
@@ -84,6 +85,8 @@ pub struct Checked {
     pub flux: [f64; 2],
     /// Tristimulus X and Z, lm, not negative.
     pub xz_lm: [f64; 2],
+    /// How far the direction's length was from 1.
+    pub length_error: f64,
     /// The direction was repaired by more than text rounding.
     pub normalized: bool,
     /// X or Z was set to 0.
@@ -129,9 +132,32 @@ pub fn check(facts: &Facts, conversion: &Conversion, raw: &RawRay) -> Result<Che
         direction: direction / length,
         flux,
         xz_lm: xz.map(|value| value.max(0.0)),
+        length_error: off,
         normalized: off > LENGTH_NOTICED,
         xz_repaired: xz[0] < 0.0 || xz[1] < 0.0,
     })
+}
+
+/// No more rays than are allowed.
+///
+/// # Errors
+/// `rays.too_many`.
+pub fn count(ray_count: u64, limits: &Limits) -> Result<(), Error> {
+    if ray_count <= limits.max_rays {
+        return Ok(());
+    }
+    let found = format!("The file holds {ray_count} rays; {} are allowed.", limits.max_rays);
+    Err(Error::refused("rays.too_many", found, "Thin the file out, or raise the limit."))
+}
+
+/// A direction as rays have it: of unit length but for a writer's rounding.
+pub fn is_unit(direction: [f64; 3]) -> bool {
+    (DVec3::from_array(direction).length() - 1.0).abs() <= LENGTH_TOLERANCE
+}
+
+/// The three f32 from byte `at` of a record are a direction.
+pub fn is_unit_at(record: &[u8], at: usize) -> bool {
+    is_unit([0, 4, 8].map(|k| f64::from(f32_in(record, at + k))))
 }
 
 /// Most of the first directions are unit vectors when records of `record_bytes` start at byte `start` with a position and a
@@ -143,10 +169,6 @@ pub fn directions_hold(bytes: &dyn Bytes, start: u64, record_bytes: u64, ray_cou
     let looked = ray_count.min(PROOF_RAYS) as usize;
     let mut block = vec![0; looked * record_bytes as usize];
     bytes.read_at(start, &mut block)?;
-    let unit = |record: &&[u8]| {
-        let direction = DVec3::from_array([12, 16, 20].map(|at| f64::from(f32_in(record, at))));
-        (direction.length() - 1.0).abs() <= LENGTH_TOLERANCE
-    };
-    let held = block.chunks_exact(record_bytes as usize).filter(unit).count();
+    let held = block.chunks_exact(record_bytes as usize).filter(|record| is_unit_at(record, 12)).count();
     Ok(looked > 0 && 10 * held >= 9 * looked)
 }

@@ -4,6 +4,10 @@ use super::super::vocabulary::spectrum::lm_per_w;
 use super::super::vocabulary::units::Flux;
 use super::{Facts, RawRay, SpectralData, TotalRule};
 
+/// Rays and header agree to the rounding of their 32-bit numbers: the rays are in W or lm as they stand, and stay so to the
+/// last digit.
+const SAME_TOTAL: f64 = 2.5e-7;
+
 /// Luminous efficacy of radiation, as far as a file tells.
 #[derive(Clone, Debug, PartialEq)]
 enum Efficacy {
@@ -76,7 +80,10 @@ impl Conversion {
         if facts.total_rule == TotalRule::RaySum {
             return self;
         }
-        let of = |header: Option<f64>, sum: f64| header.filter(|_| sum > 0.0).map(|total| total / sum);
+        let of = |header: Option<f64>, sum: f64| {
+            let scale = header.filter(|_| sum > 0.0).map(|total| total / sum)?;
+            Some(if (scale - 1.0).abs() <= SAME_TOTAL { 1.0 } else { scale })
+        };
         let header = facts.header_flux;
         let radiant = of(header.radiant_w, sums.radiant).filter(|_| self.has_radiant);
         let luminous = of(header.luminous_lm, sums.luminous).filter(|_| self.has_luminous);

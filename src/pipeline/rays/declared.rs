@@ -72,6 +72,51 @@ pub enum Column {
     Ignored,
 }
 
+impl Column {
+    /// All, in the order of a ray.
+    pub const ALL: [Column; 14] = [
+        Column::X,
+        Column::Y,
+        Column::Z,
+        Column::L,
+        Column::M,
+        Column::N,
+        Column::Flux,
+        Column::RadiantFlux,
+        Column::LuminousFlux,
+        Column::WavelengthNm,
+        Column::WavelengthUm,
+        Column::TristimulusX,
+        Column::TristimulusZ,
+        Column::Ignored,
+    ];
+
+    /// Its name in options and answers.
+    pub fn name(self) -> &'static str {
+        match self {
+            Column::X => "x",
+            Column::Y => "y",
+            Column::Z => "z",
+            Column::L => "l",
+            Column::M => "m",
+            Column::N => "n",
+            Column::Flux => "flux",
+            Column::RadiantFlux => "radiant_flux",
+            Column::LuminousFlux => "luminous_flux",
+            Column::WavelengthNm => "wavelength_nm",
+            Column::WavelengthUm => "wavelength_um",
+            Column::TristimulusX => "tristimulus_x",
+            Column::TristimulusZ => "tristimulus_z",
+            Column::Ignored => "ignored",
+        }
+    }
+
+    /// The column of this name.
+    pub fn from_name(name: &str) -> Option<Column> {
+        Column::ALL.into_iter().find(|column| column.name() == name)
+    }
+}
+
 /// The ray set as its user says it is.
 ///
 /// # Errors

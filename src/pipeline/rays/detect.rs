@@ -1,8 +1,10 @@
 //! Which format a file is, from content alone: `.ray` alone is the extension of seven formats (`FORMATS.md` 0).
 
 use super::super::Error;
-use super::bytes::{f32_in, i32_in};
-use super::{Bytes, Format, zemax};
+use super::bytes::i32_in;
+use super::foreign::{self, EXPORT};
+use super::lines::leading_numbers;
+use super::{Bytes, Format, asap, columns, speos, zemax, zemax_text};
 
 /// Bytes looked at.
 pub const LOOK: usize = 4096;
@@ -35,24 +37,27 @@ pub fn detect_start(start: &[u8], length: Option<u64>) -> Result<Option<Format>,
     if start.len() >= 4 && zemax::IDENTIFIERS.contains(&i32_in(start, 0)) {
         return Ok(Some(Format::ZemaxBinary));
     }
-    if let Some(error) = refused_by_magic(start) {
+    if let Some(error) = refused_by_magic(start).or_else(|| foreign::by_magic(start)) {
         return Err(error);
     }
-    if is_asap(start) {
+    if start.len() >= 4 && asap::words(i32_in(start, 0)).is_some() {
         return Ok(Some(Format::Asap));
     }
     let complete = start.len() >= LOOK || length.is_some_and(|length| start.len() as u64 >= length);
     if !complete {
         return Ok(None);
     }
+    if let Some(error) = foreign::by_text(start, start.len() < LOOK) {
+        return Err(error);
+    }
     if !start.contains(&0) {
         return text(start).map(Some).map_err(|error| error.at_byte(0));
     }
-    if is_speos(start, length) { Ok(Some(Format::Speos)) } else { Err(unknown()) }
+    if speos::is_speos(start, length) {
+        return Ok(Some(Format::Speos));
+    }
+    Err(foreign::closed(start).unwrap_or_else(unknown))
 }
-
-/// What to do instead, for most formats.
-const EXPORT: &str = "Use the same source's IES TM-25 or Zemax binary file; vendors offer both.";
 
 /// The answer for a format that is known and not read.
 pub fn not_read(code: &'static str, what: &str) -> Error {
@@ -84,18 +89,7 @@ fn refused_by_magic(start: &[u8]) -> Option<Error> {
     Some(error.at_byte(0))
 }
 
-/// The first word of an ASAP distribution is 247 + 256 × the bytes of a record of 7 to 16 words.
-fn is_asap(start: &[u8]) -> bool {
-    let code = i32_in(start, 0);
-    start.len() >= 4 && (247 + 1024 * 7..=247 + 1024 * 16).contains(&code) && (code - 247) % 1024 == 0
-}
-
-/// Speos has no magic: a 28-byte header with five 2.0 in it, then records of 32 bytes.
-fn is_speos(start: &[u8], length: Option<u64>) -> bool {
-    let twos = (1..6).all(|k| f32_in(start, 4 * k) == 2.0);
-    twos && length.is_none_or(|length| length >= 28 && (length - 28) % 32 == 0)
-}
-
+/// What text it is, in the order of `FORMATS.md` 0. The last line may be cut and is judged only where it is the first.
 fn text(start: &[u8]) -> Result<Format, Error> {
     let text = String::from_utf8_lossy(start).to_lowercase();
     if text.contains("lt_rdf_version") || text.contains("lt_startofdata") {
@@ -104,16 +98,19 @@ fn text(start: &[u8]) -> Result<Format, Error> {
     if text.contains("nbrrays requested") {
         return Ok(Format::ProSourceText);
     }
-    let printable = start.iter().all(|byte| !byte.is_ascii_control() || byte.is_ascii_whitespace());
-    let numbers = text.split_ascii_whitespace().take(8).all(|word| word.parse::<f64>().is_ok());
-    if printable && numbers && !text.trim().is_empty() {
+    let start = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start);
+    let lines =
+        || start.split(|byte| matches!(byte, b'\n' | b'\r')).map(<[u8]>::trim_ascii).filter(|line| !line.is_empty());
+    if !start.iter().all(|byte| !byte.is_ascii_control() || byte.is_ascii_whitespace()) {
+        return Err(unknown());
+    }
+    if lines().next().is_some_and(|first| zemax_text::starts(first, lines().nth(1))) {
+        return Ok(Format::ZemaxText);
+    }
+    if lines().any(|line| leading_numbers(line) >= columns::FEWEST) {
         return Ok(Format::Columns);
     }
-    if printable {
-        let found = "This is text, not a ray file.";
-        return Err(Error::malformed("detect.not_rays", found, EXPORT));
-    }
-    Err(unknown())
+    Err(Error::malformed("detect.not_rays", "This is text, not a ray file.", EXPORT))
 }
 
 fn unknown() -> Error {
@@ -146,12 +143,12 @@ mod tests {
             (b"version https://git-lfs.github.com/spec/v1\n", "detect.git_lfs"),
             (b"PK\x03\x04....", "detect.archive"),
             (b"\x1f\x8b\x08", "detect.archive"),
-            (b"LTRF\x02\0\0\0", "detect.lighttools"),
-            (&7415_i32.to_le_bytes(), "detect.asap"),
-            (b"# made\nlt_rdf_version: 2.0\n", "detect.lighttools_text"),
-            (b"9 4 0 0\n0 0 0 0 0 1 1\n", "detect.text"),
-            (b"<html><body>Sign in</body></html>", "detect.not_rays"),
-            (&speos, "detect.speos"),
+            (b"LTRF\x02\0\0\0", "LightTools binary"),
+            (&7415_i32.to_le_bytes(), "ASAP distribution"),
+            (b"# made\nlt_rdf_version: 2.0\n", "LightTools text"),
+            (b"9 4 0 0\n0 0 0 0 0 1 1\n", "Zemax text"),
+            (b"<html><body>Sign in</body></html>", "detect.html"),
+            (&speos, "Speos"),
         ];
         for (bytes, expected) in cases {
             assert_eq!(code(bytes), expected, "{bytes:?}");

@@ -6,10 +6,14 @@ pub mod container;
 pub mod bytes;
 /// Which format a file is, from content alone.
 pub mod detect;
+/// What is no ray file, or none with a public layout.
+mod foreign;
 /// IES TM-25 ray files.
 pub mod tm25;
 /// Zemax / OpticStudio binary source files.
 pub mod zemax;
+/// Records of binary32 numbers, as most binary formats have them.
+mod floats;
 /// LightTools binary ray files.
 mod lighttools;
 /// Speos / OPTIS ray files.
@@ -18,6 +22,8 @@ mod speos;
 mod asap;
 /// Text: lines at random access, shared by every text format.
 mod lines;
+/// Rows of numbers at random access, shared by every text format.
+mod rows;
 /// LightTools text ray files.
 mod lighttools_text;
 /// Zemax text ray files.
@@ -26,6 +32,8 @@ mod zemax_text;
 mod prosource_text;
 /// Rays in columns of numbers, named or not: CSV and the like.
 mod columns;
+/// What people call the columns of a ray.
+mod column_names;
 /// What a user says of a file, before the file's own word.
 pub mod declared;
 /// What a ray must satisfy.
@@ -44,6 +52,12 @@ mod bands;
 pub mod source;
 /// What can be said of a file before a model is made of it.
 pub mod inspect;
+/// Rays as rows of bytes, written as a stream.
+pub mod row_writer;
+/// Writing Zemax binary source files.
+pub mod zemax_writer;
+/// One ray file as another.
+pub mod convert;
 /// Known sources with closed-form answers.
 pub mod synthetic;
 
@@ -268,7 +282,8 @@ pub struct RaySet {
     pub records: Box<dyn Records>,
 }
 
-/// Opens one ray file: detects its format, decodes its header, proves its count, obeys what was declared of it. Reads no ray.
+/// Opens one ray file: detects its format, decodes its header, proves its count, obeys what was declared of it. Reads no ray;
+/// a text file is gone through once, because only that finds its rows.
 ///
 /// # Errors
 /// [`Error::Malformed`], [`Error::Refused`], [`Error::Unreadable`]; [`Error::Unusable`] for a declaration that cannot be right.

@@ -148,6 +148,27 @@ impl Channel {
         &self.set.facts
     }
 
+    /// `each(index, stored, checked)` for the usable rays among the `count` records from `first`, in order; `raws` is a buffer.
+    ///
+    /// # Errors
+    /// [`Error::Unreadable`]; the first of `each`.
+    pub fn usable(
+        &self,
+        first: u64,
+        count: usize,
+        raws: &mut Vec<RawRay>,
+        mut each: impl FnMut(u64, &RawRay, &Checked) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        raws.clear();
+        self.set.records.read(first, count, raws)?;
+        for (index, raw) in (first..).zip(raws.iter()) {
+            if let Ok(checked) = check::check(&self.set.facts, &self.conversion, raw) {
+                each(index, raw, &checked)?;
+            }
+        }
+        Ok(())
+    }
+
     /// The ray of a record that passed its check.
     fn ray(&self, spectral: &Spectral, index: u64, raw: &RawRay, checked: &Checked) -> Ray {
         let column = match self.set.facts.spectral {

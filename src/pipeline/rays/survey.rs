@@ -185,6 +185,22 @@ pub struct Reading {
     moment: DVec3,
 }
 
+/// Who looks on while rays are surveyed. `()` looks away.
+pub trait Witness: Send {
+    /// Ray `index` as stored and as checked; `weight` is its flux at scale 1.
+    fn see(&mut self, index: u64, raw: &RawRay, checked: &Checked, weight: f64);
+    /// A ray that does not go on.
+    fn see_flawed(&mut self, raw: &RawRay, flaw: Flaw);
+    /// Takes over what was seen of later rays.
+    fn merge(&mut self, later: Self);
+}
+
+impl Witness for () {
+    fn see(&mut self, _index: u64, _raw: &RawRay, _checked: &Checked, _weight: f64) {}
+    fn see_flawed(&mut self, _raw: &RawRay, _flaw: Flaw) {}
+    fn merge(&mut self, _later: ()) {}
+}
+
 /// Reads and checks every ray of `set` once; `radiant` chooses the quantity that weights places and directions.
 ///
 /// # Errors
@@ -196,35 +212,56 @@ pub fn survey(
     limits: &Limits,
     watch: StageWatch<'_>,
 ) -> Result<Reading, Error> {
+    let (reading, ()) = witnessed(set, radiant, bands, watch, || ())?;
+    reading.judge(limits)?;
+    Ok(reading)
+}
+
+/// As [`survey`], but without a judgement, and with a witness made by `fresh` for each chunk.
+///
+/// # Errors
+/// [`Error::Cancelled`]; as [`super::Records::read`].
+pub fn witnessed<W: Witness>(
+    set: &RaySet,
+    radiant: bool,
+    bands: &Bands,
+    watch: StageWatch<'_>,
+    fresh: impl Fn() -> W + Sync + Send,
+) -> Result<(Reading, W), Error> {
     let conversion = Conversion::of(&set.facts);
     let chunk_rays = CHUNK_RAYS as u64;
     let count = set.facts.ray_count;
-    let mut reading = chunks::in_order(
+    let (mut reading, witness) = chunks::in_order(
         count.div_ceil(chunk_rays),
         watch,
-        Reading::new(),
+        (Reading::new(), fresh()),
         Vec::new,
         |raws: &mut Vec<RawRay>, chunk| {
             let first = chunk * chunk_rays;
             raws.clear();
             set.records.read(first, chunk_rays.min(count - first) as usize, raws)?;
-            let mut part = Reading::new();
+            let (mut part, mut witness) = (Reading::new(), fresh());
             for (index, raw) in (first..).zip(raws.iter()) {
-                part.see(set, &conversion, radiant, bands, index, raw);
+                let checked = check::check(&set.facts, &conversion, raw);
+                part.see(set, radiant, bands, index, raw, &checked);
+                match &checked {
+                    Ok(checked) => witness.see(index, raw, checked, checked.flux[usize::from(!radiant)]),
+                    Err(flaw) => witness.see_flawed(raw, *flaw),
+                }
             }
-            Ok(part)
+            Ok((part, witness))
         },
-        |whole, part| {
+        |(whole, witness), (part, seen)| {
             whole.merge(part);
+            witness.merge(seen);
             Ok(())
         },
     )?;
-    reading.judge(limits)?;
     let weight = reading.survey.primary_sum();
     if weight > 0.0 {
         reading.survey.centroid_mm = reading.moment / weight;
     }
-    Ok(reading)
+    Ok((reading, witness))
 }
 
 impl Reading {
@@ -241,11 +278,19 @@ impl Reading {
         }
     }
 
-    fn see(&mut self, set: &RaySet, conversion: &Conversion, radiant: bool, bands: &Bands, index: u64, raw: &RawRay) {
+    fn see(
+        &mut self,
+        set: &RaySet,
+        radiant: bool,
+        bands: &Bands,
+        index: u64,
+        raw: &RawRay,
+        checked: &Result<Checked, Flaw>,
+    ) {
         self.survey.rays_read += 1;
-        match check::check(&set.facts, conversion, raw) {
+        match checked {
             Ok(checked) => {
-                self.take(raw, &checked, index, radiant);
+                self.take(raw, checked, index, radiant);
                 self.sums.derived += match (set.facts.has_radiant, set.facts.has_luminous) {
                     (true, true) => 0.0,
                     (true, false) => checked.flux[1],
@@ -255,7 +300,7 @@ impl Reading {
                     self.see_wavelength(raw.wavelength_nm, index, bands);
                 }
             }
-            Err(flaw) => self.leave(flaw, index),
+            Err(flaw) => self.leave(*flaw, index),
         }
     }
 
@@ -310,7 +355,10 @@ impl Reading {
     }
 
     /// Is this still a ray file?
-    fn judge(&self, limits: &Limits) -> Result<(), Error> {
+    ///
+    /// # Errors
+    /// No rays, too many refused, none usable.
+    pub fn judge(&self, limits: &Limits) -> Result<(), Error> {
         let (read, used) = (self.survey.rays_read, self.survey.rays_used);
         if read == 0 {
             return Err(Error::refused("rays.empty", "The file holds no rays.", "Export it again with rays."));

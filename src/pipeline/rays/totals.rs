@@ -8,11 +8,11 @@ use super::survey::Survey;
 use super::{Facts, RaySet, SpectralData, TotalRule};
 
 /// Header and rays differ by more than rounding of f32 sums.
-const RATIO_NOTICED: f64 = 1e-3;
+pub const RATIO_NOTICED: f64 = 1e-3;
 /// Header efficacy and spectrum differ by more than coarse tables explain (OSRAM's own: 1.6 %, `FORMATS.md` 1).
-const EFFICACY_NOTICED: f64 = 0.05;
+pub const EFFICACY_NOTICED: f64 = 0.05;
 /// Boxes larger or smaller than this, mm, are seldom light sources but often wrong units.
-const LIKELY_SIZE_MM: (f64, f64) = (1e-3, 1e3);
+pub const LIKELY_SIZE_MM: (f64, f64) = (1e-3, 1e3);
 
 /// Which quantities every ray set of a source has.
 #[derive(Clone, Copy, Debug)]
@@ -80,14 +80,20 @@ pub fn judge(facts: &Facts, sums: &Sums, flux: &Flux, notices: &mut Notices) -> 
     Ok(())
 }
 
+/// What the spectrum alone says, lm/W; `flux` are the totals of the rays.
+pub fn spectrum_lm_per_w(facts: &Facts, flux: &Flux) -> Option<f64> {
+    match &facts.spectral {
+        SpectralData::Table(table) => Some(table.lm_per_w()),
+        SpectralData::Tables(_) | SpectralData::Wavelength => {
+            flux.luminous_lm.zip(flux.radiant_w).filter(|(_, radiant)| *radiant > 0.0).map(|(l, r)| l / r)
+        }
+        SpectralData::None | SpectralData::Tristimulus => None,
+    }
+}
+
 /// The header's lm/W against the spectrum's, where a spectrum is there to compare.
 fn judge_efficacy(facts: &Facts, flux: &Flux, notices: &mut Notices) {
-    let spectrum = match &facts.spectral {
-        SpectralData::Table(table) => Some(table.lm_per_w()),
-        SpectralData::Tables(_) | SpectralData::Wavelength => flux.luminous_lm.zip(flux.radiant_w).map(|(l, r)| l / r),
-        SpectralData::None | SpectralData::Tristimulus => None,
-    };
-    if let (Some(header), Some(spectrum)) = (header_lm_per_w(facts), spectrum)
+    if let (Some(header), Some(spectrum)) = (header_lm_per_w(facts), spectrum_lm_per_w(facts, flux))
         && (header - spectrum).abs() > EFFICACY_NOTICED * header.max(spectrum)
     {
         let told = format!("The header's totals give {header:.1} lm/W, the spectrum gives {spectrum:.1} lm/W.");

@@ -10,21 +10,27 @@ use super::super::vocabulary::spectrum::Table;
 use super::super::vocabulary::units::{Flux, LengthUnit};
 use super::bytes::{Cursor, ascii, f32_in, i32_in, u32_in};
 use super::check;
-use super::{Bytes, Facts, Format, RawRay, RaySet, Records, SpectralData, TotalRule};
+use super::floats::{Floats, Words, float, triple};
+use super::{Bytes, Facts, Format, RawRay, RaySet, SpectralData, TotalRule};
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 /// First word of a file: current, and the older one of Radiant ProSource.
 pub const IDENTIFIERS: [i32; 2] = [1010, 8_675_309];
 /// Bytes of the header.
-const HEADER: u64 = 208;
+pub const HEADER: u64 = 208;
 /// Bytes of the header as 64-bit Linux programs write it that declare a field `long`: all after byte 140 is 4 bytes late.
 const HEADER_LONG: u64 = 212;
 /// Nanometres per micrometre.
-const NM_PER_UM: f64 = 1000.0;
+pub const NM_PER_UM: f64 = 1000.0;
 /// Wavelengths, µm, that a light source may have.
-const LIGHT_UM: (f32, f32) = (0.1, 20.0);
-/// Rays looked at to see whether flux and wavelength changed places.
-const SWAP_RAYS: u64 = 64;
+const LIGHT_UM: RangeInclusive<f32> = 0.1..=20.0;
+/// The same range in nm. Numbers this large in a column of µm are nm: as µm they would be far infrared or radio.
+const LIGHT_NM: RangeInclusive<f32> = 100.0..=20_000.0;
+/// Rays looked at to see whether their flux and wavelength are where they belong.
+const SPECTRAL_RAYS: u64 = 64;
+/// What is told of a file with wavelengths in nm.
+const IN_NANOMETRES: &str = "Wavelengths stand in nm where the format has um; they were read as nm.";
 
 /// Opens a file of this format.
 ///
@@ -33,17 +39,13 @@ const SWAP_RAYS: u64 = 64;
 pub fn open(bytes: Arc<dyn Bytes>, limits: &Limits) -> Result<RaySet, Error> {
     let header = Header::read(bytes.as_ref())?;
     let layout = header.layout(bytes.as_ref())?;
-    if u64::from(header.ray_count) > limits.max_rays {
-        let found = format!("The file holds {} rays; {} are allowed.", header.ray_count, limits.max_rays);
-        return Err(Error::refused("rays.too_many", found, "Thin the file out, or raise the limit.").at_byte(4));
-    }
+    check::count(header.ray_count.into(), limits).map_err(|error| error.at_byte(4))?;
     let mut facts = header.facts(&layout)?;
-    let records = ZemaxRecords { bytes, layout };
-    if layout.spectral && records.looks_swapped(header.ray_count)? {
-        let told = "Flux and wavelength look as if they had changed places; they were read in the documented order.";
-        facts.notices.add("zemax.swapped_columns", told);
-    }
-    Ok(RaySet { facts, records: Box::new(records) })
+    let spectral = Spectral::of(&layout, bytes.as_ref(), header.ray_count)?;
+    spectral.notice(&mut facts.notices);
+    let ray =
+        move |record: &Words| layout.ray(record, if spectral == Spectral::InNanometres { 1.0 } else { NM_PER_UM });
+    Ok(RaySet { facts, records: Box::new(Floats { bytes, start: layout.start, words: layout.words(), ray }) })
 }
 
 /// Judges the header from the first bytes of a file that is `length` bytes long, if that is known.
@@ -57,6 +59,24 @@ pub fn peek(bytes: &dyn Bytes, length: Option<u64>) -> Result<(), Error> {
     match length {
         Some(_) => header.facts(&header.layout(bytes)?).map(|_| ()),
         None => Ok(()),
+    }
+}
+
+/// The length unit of a code; text files have the same.
+///
+/// # Errors
+/// `zemax.unit`.
+pub fn length_unit(code: i32) -> Result<LengthUnit, Error> {
+    match code {
+        0 => Ok(LengthUnit::Metre),
+        1 => Ok(LengthUnit::Inch),
+        2 => Ok(LengthUnit::Centimetre),
+        3 => Ok(LengthUnit::Foot),
+        4 => Ok(LengthUnit::Millimetre),
+        _ => {
+            let found = format!("The length unit is {code}; only 0 to 4 (m, in, cm, ft, mm) exist.");
+            Err(Error::malformed("zemax.unit", found, "Export the file again."))
+        }
     }
 }
 
@@ -82,8 +102,22 @@ struct Layout {
 }
 
 impl Layout {
-    fn record_bytes(&self) -> u64 {
-        if self.spectral { 32 } else { 28 }
+    /// Numbers per record.
+    fn words(&self) -> usize {
+        if self.spectral { 8 } else { 7 }
+    }
+
+    /// The ray of a record whose wavelength, times `nm`, is in nm.
+    fn ray(&self, record: &Words, nm: f64) -> RawRay {
+        let flux = float(record, 6);
+        RawRay {
+            origin_mm: triple(record, 0, self.unit.mm()),
+            direction: triple(record, 3, 1.0),
+            radiant: if self.luminous { 0.0 } else { flux },
+            luminous: if self.luminous { flux } else { 0.0 },
+            wavelength_nm: float(record, 7) * nm,
+            ..RawRay::default()
+        }
     }
 }
 
@@ -126,17 +160,7 @@ impl Header {
 
     fn layout_at(&self, start: u64, spectral: bool, format_at: usize) -> Result<Layout, Error> {
         let (unit, flux_type) = (i32_in(&self.block, 136), i32_in(&self.block, format_at + 4));
-        let unit = match unit {
-            0 => LengthUnit::Metre,
-            1 => LengthUnit::Inch,
-            2 => LengthUnit::Centimetre,
-            3 => LengthUnit::Foot,
-            4 => LengthUnit::Millimetre,
-            _ => {
-                let found = format!("The length unit is {unit}; only 0 to 4 (m, in, cm, ft, mm) exist.");
-                return Err(Error::malformed("zemax.unit", found, "Export the file again.").at_byte(136));
-            }
-        };
+        let unit = length_unit(unit).map_err(|error| error.at_byte(136))?;
         if !(spectral || matches!(flux_type, 0 | 1)) {
             let found = format!("The flux type is {flux_type}; only 0 (W) and 1 (lm) exist.");
             let remedy = "Export the file again with a flux unit.";
@@ -158,7 +182,8 @@ impl Header {
                 "Spectral rays are in W by definition; the flux type of the header was ignored.",
             );
         }
-        let total = Some(f64::from(float(108))).filter(|total| total.is_finite() && *total > 0.0);
+        let total =
+            [108, 112].map(|at| f64::from(float(at))).into_iter().find(|total| total.is_finite() && *total > 0.0);
         Ok(Facts {
             format: Format::ZemaxBinary,
             ray_count: u64::from(self.ray_count),
@@ -179,14 +204,18 @@ impl Header {
 
     /// A wavelength in the header of a flux-only file is that of all its rays; 0 stands for a composite, NaN for nothing.
     fn spectral(&self, layout: &Layout, notices: &mut Notices) -> SpectralData {
-        let um = f32_in(&self.block, 116);
+        let stored = f32_in(&self.block, 116);
         if layout.spectral {
             return SpectralData::Wavelength;
         }
-        if !(um >= LIGHT_UM.0 && um <= LIGHT_UM.1) {
+        let nm = if LIGHT_UM.contains(&stored) {
+            f64::from(stored) * NM_PER_UM
+        } else if LIGHT_NM.contains(&stored) {
+            notices.add("zemax.wavelength_nm", IN_NANOMETRES);
+            f64::from(stored)
+        } else {
             return SpectralData::None;
-        }
-        let nm = f64::from(um) * NM_PER_UM;
+        };
         let told =
             format!("The header gives one wavelength for all rays, {nm:.1} nm; W and lm were converted with it.");
         notices.add("zemax.header_wavelength", told);
@@ -210,48 +239,42 @@ impl Header {
     }
 }
 
-/// The records of a file.
-struct ZemaxRecords {
-    bytes: Arc<dyn Bytes>,
-    layout: Layout,
-}
-
-impl ZemaxRecords {
-    fn block(&self, first: u64, count: usize) -> Result<Vec<u8>, Error> {
-        let size = self.layout.record_bytes();
-        let mut block = vec![0; count * size as usize];
-        self.bytes.read_at(self.layout.start + first * size, &mut block)?;
-        Ok(block)
-    }
-
+/// What the spectral column shows of a file when its first rays are looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Spectral {
+    /// Flux, then wavelength in µm.
+    AsDocumented,
     /// Column 7 reads like wavelengths in µm and column 8 does not.
-    fn looks_swapped(&self, ray_count: u32) -> Result<bool, Error> {
-        let block = self.block(0, u64::from(ray_count).min(SWAP_RAYS) as usize)?;
-        let mut rays = block.chunks_exact(32).peekable();
-        let any = rays.peek().is_some();
-        Ok(any && rays.all(|ray| (0.2..=2.5).contains(&f32_in(ray, 24)) && !(0.2..1.0).contains(&f32_in(ray, 28))))
-    }
+    LooksSwapped,
+    /// Wavelengths are in nm: as µm they would be no light.
+    InNanometres,
 }
 
-impl Records for ZemaxRecords {
-    fn read(&self, first: u64, count: usize, rays: &mut Vec<RawRay>) -> Result<(), Error> {
-        let block = self.block(first, count)?;
-        let Layout { spectral, luminous, unit, .. } = self.layout;
-        let mm = unit.mm();
-        let (words, _) = block.as_chunks::<4>();
-        rays.extend(words.chunks_exact(if spectral { 8 } else { 7 }).map(|record| {
-            let at = |k: usize| record.get(k).map_or(0.0, |word| f64::from(f32::from_le_bytes(*word)));
-            let flux = at(6);
-            RawRay {
-                origin_mm: [at(0) * mm, at(1) * mm, at(2) * mm],
-                direction: [at(3), at(4), at(5)],
-                radiant: if luminous { 0.0 } else { flux },
-                luminous: if luminous { flux } else { 0.0 },
-                wavelength_nm: at(7) * NM_PER_UM,
-                ..RawRay::default()
+impl Spectral {
+    fn of(layout: &Layout, bytes: &dyn Bytes, ray_count: u32) -> Result<Spectral, Error> {
+        let looked = if layout.spectral { u64::from(ray_count).min(SPECTRAL_RAYS) } else { 0 };
+        let block = Cursor::new(bytes, layout.start).block("the first rays", looked * 32)?;
+        let all = |test: fn(f32, f32) -> bool| block.chunks_exact(32).all(|r| test(f32_in(r, 24), f32_in(r, 28)));
+        Ok(match looked {
+            0 => Spectral::AsDocumented,
+            _ if all(|_, wavelength| LIGHT_NM.contains(&wavelength)) => Spectral::InNanometres,
+            _ if all(|flux, wavelength| (0.2..=2.5).contains(&flux) && !(0.2..1.0).contains(&wavelength)) => {
+                Spectral::LooksSwapped
             }
-        }));
-        Ok(())
+            _ => Spectral::AsDocumented,
+        })
+    }
+
+    fn notice(self, notices: &mut Notices) {
+        match self {
+            Spectral::AsDocumented => {}
+            Spectral::LooksSwapped => {
+                let told =
+                    "Flux and wavelength look as if they had changed places; they were read in the documented order.";
+                notices.add("zemax.swapped_columns", told);
+            }
+            Spectral::InNanometres => notices.add("zemax.wavelength_nm", IN_NANOMETRES),
+        }
     }
 }
 
@@ -319,9 +342,35 @@ mod tests {
         assert_eq!(rays[0].wavelength_nm, 1000.0);
     }
 
+    /// Wavelengths of 100 and more in a column of µm are nm, in the records as in the header.
+    #[test]
+    fn wavelengths_in_nm_are_read_as_nm() {
+        let nm: &[f32] = &[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.5, 450.0];
+        let (facts, rays) = opened(file(4, 2, 0, &[nm; 3])).unwrap();
+        assert_eq!((facts.notices.count_of("zemax.wavelength_nm"), rays[2].wavelength_nm), (1, 450.0));
+        let (facts, rays) = opened(file(4, 2, 0, &[nm, COLORED])).unwrap();
+        assert_eq!((facts.notices, rays[0].wavelength_nm), (Notices::default(), 450_000.0));
+        let mut bytes = file(4, 0, 0, &[RAY]);
+        bytes[116..120].copy_from_slice(&450.0_f32.to_le_bytes());
+        let (facts, _) = opened(bytes).unwrap();
+        assert_eq!(facts.notices.count_of("zemax.wavelength_nm"), 1);
+        assert_eq!(facts.spectral.tables()[0].range_nm(), (450.0, 450.0));
+    }
+
+    /// The total of the header is the source's, or else that of the set.
+    #[test]
+    fn either_total_of_the_header_is_compared_with_the_rays() {
+        for (source, set, expected) in [(5.0, 1.0, Some(5.0)), (0.0, 1.0, Some(1.0)), (0.0, f32::NAN, None)] {
+            let mut bytes = file(4, 0, 0, &[RAY]);
+            bytes[108..112].copy_from_slice(&f32::to_le_bytes(source));
+            bytes[112..116].copy_from_slice(&f32::to_le_bytes(set));
+            assert_eq!(opened(bytes).unwrap().0.header_flux.radiant_w, expected);
+        }
+    }
+
     #[test]
     fn a_header_wavelength_is_that_of_all_rays_and_nan_is_none() {
-        for (um, expected) in [(0.55_f32, 1), (f32::NAN, 0), (0.0, 0), (-1.0, 0), (500.0, 0)] {
+        for (um, expected) in [(0.55_f32, 1), (f32::NAN, 0), (0.0, 0), (-1.0, 0), (50.0, 0), (3e4, 0)] {
             let mut bytes = file(4, 0, 0, &[RAY]);
             bytes[116..120].copy_from_slice(&um.to_le_bytes());
             let (facts, _) = opened(bytes).unwrap();

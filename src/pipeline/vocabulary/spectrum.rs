@@ -130,6 +130,11 @@ impl Table {
         Some(Table { nm, weight, below, lm_per_w })
     }
 
+    /// Its points: nm, weight per nm.
+    pub fn points(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        self.nm.iter().copied().zip(self.weight.iter().copied())
+    }
+
     /// First and last wavelength, nm.
     pub fn range_nm(&self) -> (f64, f64) {
         (self.nm[0], self.nm[self.nm.len() - 1])

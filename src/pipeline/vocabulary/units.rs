@@ -62,6 +62,21 @@ impl LengthUnit {
     pub fn from_symbol(symbol: &str) -> Option<LengthUnit> {
         LengthUnit::ALL.into_iter().find(|unit| unit.symbol() == symbol)
     }
+
+    /// The unit that a file calls so, in lower case: by its symbol or its English name, in one or many.
+    pub fn from_word(word: &str) -> Option<LengthUnit> {
+        LengthUnit::from_symbol(word).or(match word {
+            "nanometer" | "nanometers" | "nanometre" | "nanometres" => Some(LengthUnit::Nanometre),
+            "micrometer" | "micrometers" | "micrometre" | "micrometres" | "micron" | "microns" | "\u{b5}m"
+            | "\u{3bc}m" => Some(LengthUnit::Micrometre),
+            "millimeter" | "millimeters" | "millimetre" | "millimetres" => Some(LengthUnit::Millimetre),
+            "centimeter" | "centimeters" | "centimetre" | "centimetres" => Some(LengthUnit::Centimetre),
+            "meter" | "meters" | "metre" | "metres" => Some(LengthUnit::Metre),
+            "inch" | "inches" => Some(LengthUnit::Inch),
+            "foot" | "feet" => Some(LengthUnit::Foot),
+            _ => None,
+        })
+    }
 }
 
 /// Which flux a number is.

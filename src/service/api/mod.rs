@@ -112,6 +112,8 @@ fn routes() -> OpenApiRouter<Api> {
     let reads = OpenApiRouter::new()
         .routes(needs(UploadsRead, routes!(ray_sets::list)))
         .routes(needs(UploadsRead, routes!(ray_sets::get)))
+        .routes(needs(UploadsRead, routes!(ray_sets::origins)))
+        .routes(needs(UploadsRead, routes!(ray_sets::far_field)))
         .routes(needs(JobsWrite, routes!(jobs::create)))
         .routes(needs(JobsRead, routes!(jobs::list)))
         .routes(needs(JobsRead, routes!(jobs::get)))

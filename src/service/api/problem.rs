@@ -146,6 +146,13 @@ impl Problem {
         Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "request.out_of_range", "Out of range", detail).at(path)
     }
 
+    /// No such drawing.
+    pub fn no_drawing(name: &str) -> Problem {
+        let detail = format!("The ray set has no {name}.");
+        Problem::new(StatusCode::NOT_FOUND, "drawing.not_found", "No such drawing", detail)
+            .remedy("Files without usable rays, and those taken in before there were inspections, have none.")
+    }
+
     /// A packed file without a ray file.
     fn no_ray_file(left_out: &[upload::LeftOut]) -> Problem {
         let mut detail = "There is no ray file in the packed file.".to_owned();

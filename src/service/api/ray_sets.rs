@@ -1,23 +1,30 @@
 //! `/v1/ray-sets`: ray files, as they came.
 
 use super::super::access::Access;
+use super::super::storage::inspections::{self, Drawing};
 use super::super::storage::ray_set_folder;
 use super::super::storage::ray_sets::{self, Deletion};
 use super::super::upload::{self, Announcement, LeftOut};
 use super::Api;
 use super::extract::{Page, Path, Query, cut};
 use super::problem::Problem;
+use super::ranges::{Wanted, wanted};
 use axum::Json;
 use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderName, StatusCode, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use tokio_util::sync::CancellationToken;
 use utoipa::ToSchema;
 
 const MAX_NAME_CHARS: usize = 255;
+/// Drawings of an inspection.
+const ORIGINS: &str = "origins.svg";
+const FAR_FIELD: &str = "far-field.svg";
 
 /// A ray file as it was taken in.
 #[derive(Serialize, ToSchema)]
@@ -33,7 +40,11 @@ pub struct RaySet {
     sha256: String,
     /// What it says of itself: format, ray count, totals, spectrum, and, but in lists, texts.
     #[schema(value_type = Object)]
-    header: serde_json::Value,
+    header: Value,
+    /// What its rays say, with a verdict per check (`inspection.schema.json`); null in lists and for files taken in before
+    /// there were inspections.
+    #[schema(value_type = Option<Object>)]
+    inspection: Option<Value>,
     /// The packed file it came in; null where it came by itself.
     packed: Option<Packed>,
     /// When it was complete, epoch ms.
@@ -66,6 +77,10 @@ pub struct RaySetLinks {
     /// Itself.
     #[serde(rename = "self")]
     this: String,
+    /// Where its rays start, drawn; null without an inspection or usable rays.
+    origins: Option<String>,
+    /// Where they go, drawn; likewise.
+    far_field: Option<String>,
 }
 
 /// Ray sets, newest first.
@@ -80,25 +95,38 @@ pub struct RaySetList {
 impl From<ray_sets::RaySet> for RaySet {
     fn from(row: ray_sets::RaySet) -> RaySet {
         RaySet {
-            links: RaySetLinks { this: format!("/v1/ray-sets/{}", row.id) },
+            links: RaySetLinks { this: format!("/v1/ray-sets/{}", row.id), origins: None, far_field: None },
             id: row.id,
             name: row.name,
             byte_count: row.byte_count,
             sha256: row.sha256,
             header: serde_json::from_str(&row.header).unwrap_or_default(),
+            inspection: None,
             packed: row.packed.map(|ray_sets::Packed { name, sha256 }| Packed { name, sha256 }),
             created_ms: row.created_ms,
         }
     }
 }
 
-impl From<upload::Taken> for Taken {
-    fn from(taken: upload::Taken) -> Taken {
-        Taken { ray_sets: taken.ray_sets.into_iter().map(RaySet::from).collect(), left_out: taken.left_out }
-    }
-}
-
 impl RaySet {
+    /// With its inspection, whose header has the texts too.
+    async fn inspected(api: &Api, row: ray_sets::RaySet) -> Result<RaySet, Problem> {
+        let json = inspections::get(&api.storage.records, &row.id).await?;
+        let mut ray_set = RaySet::from(row);
+        let mut found: Option<Value> = json.and_then(|json| serde_json::from_str(&json).ok());
+        if let Some(found) = found.as_mut().and_then(Value::as_object_mut) {
+            if let Some(header) = found.remove("header") {
+                ray_set.header = header;
+            }
+            if found.get("rays_used").and_then(Value::as_u64) > Some(0) {
+                ray_set.links.origins = Some(format!("{}/{ORIGINS}", ray_set.links.this));
+                ray_set.links.far_field = Some(format!("{}/{FAR_FIELD}", ray_set.links.this));
+            }
+        }
+        ray_set.inspection = found;
+        Ok(ray_set)
+    }
+
     /// As one of a list.
     fn listed(row: ray_sets::RaySet) -> RaySet {
         let mut ray_set = RaySet::from(row);
@@ -121,8 +149,9 @@ pub struct Naming {
 
 /// Takes in a ray file, or those in a packed one
 ///
-/// The body is the file. It is refused as soon as its beginning is wrong, and kept only when all of it is right. A gzip, zstd
-/// or zip file is unpacked when all of it is there: each ray file in it is a ray set, and all become known together.
+/// The body is the file. It is refused as soon as its beginning is wrong. A file that can be read is kept and inspected, ray by
+/// ray: whether a job would take it is `inspection.verdict`. A gzip, zstd or zip file is unpacked when all of it is there: each
+/// ray file in it is a ray set, and all become known together.
 #[utoipa::path(
     post, path = "/v1/ray-sets", tag = "ray sets", operation_id = "upload_ray_set",
     params(
@@ -152,10 +181,13 @@ pub async fn upload(
     if api.draining.is_cancelled() {
         return Err(Problem::draining());
     }
-    let announcement = announcement(naming.name, &headers)?;
+    let mut announcement = announcement(naming.name, &headers)?;
     if announcement.byte_count.is_some_and(|bytes| bytes > api.intake.max_bytes) {
         return Err(upload::Error::TooLarge(api.intake.max_bytes).into());
     }
+    announcement.gone = CancellationToken::new();
+    let _gone = announcement.gone.clone().drop_guard();
+    let reader = api.clone();
     // A task of its own: when the client goes away this handler is dropped, and what was stored must still be cleaned up.
     let taken =
         tokio::spawn(async move { api.intake.take(&access.tenant, announcement, body.into_data_stream()).await });
@@ -163,12 +195,15 @@ pub async fn upload(
         tracing::error!(%error, "an upload stopped");
         Problem::internal()
     })??;
-    let taken = Taken::from(taken);
-    let location = match taken.ray_sets.as_slice() {
+    let mut answer = Taken { ray_sets: Vec::new(), left_out: taken.left_out };
+    for row in taken.ray_sets {
+        answer.ray_sets.push(RaySet::inspected(&reader, row).await?);
+    }
+    let location = match answer.ray_sets.as_slice() {
         [ray_set] => ray_set.links.this.clone(),
         _ => "/v1/ray-sets".to_owned(),
     };
-    Ok((StatusCode::CREATED, [(header::LOCATION, location)], Json(taken)).into_response())
+    Ok((StatusCode::CREATED, [(header::LOCATION, location)], Json(answer)).into_response())
 }
 
 /// Lists ray sets, newest first
@@ -202,8 +237,82 @@ pub async fn list(
     )
 )]
 pub async fn get(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<Json<RaySet>, Problem> {
-    let row = ray_sets::get(&api.storage.records, &access.tenant, &id).await?;
-    Ok(Json(row.ok_or_else(|| Problem::no_ray_set(&id))?.into()))
+    Ok(Json(RaySet::inspected(&api, find(&api, &access, &id).await?).await?))
+}
+
+/// The ray set `id` of whoever asks, or 404.
+async fn find(api: &Api, access: &Access, id: &str) -> Result<ray_sets::RaySet, Problem> {
+    let row = ray_sets::get(&api.storage.records, &access.tenant, id).await?;
+    row.ok_or_else(|| Problem::no_ray_set(id))
+}
+
+/// Draws where the rays of a ray set start
+///
+/// Three projections on one scale, mm; density of a sample of the origins.
+#[utoipa::path(
+    get, path = "/v1/ray-sets/{id}/origins.svg", tag = "ray sets", operation_id = "get_origins_drawing",
+    params(
+        ("id" = String, Path, description = "the ray set"),
+        ("If-None-Match" = Option<String>, Header, description = "entity tags the client has"),
+    ),
+    responses(
+        (status = 200, body = String, content_type = "image/svg+xml", description = "the drawing", headers(("ETag" = String, description = "its SHA-256"))),
+        (status = 304, description = "the client has it"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such ray set or drawing"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+    )
+)]
+pub async fn origins(
+    State(api): State<Api>,
+    access: Access,
+    Path(id): Path<String>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    drawing(&api, &access, &id, ORIGINS, &headers).await
+}
+
+/// Draws where the rays of a ray set go
+///
+/// Intensity in the planes C0-180 and C90-270 about the main direction, in bins of 5° by 10°.
+#[utoipa::path(
+    get, path = "/v1/ray-sets/{id}/far-field.svg", tag = "ray sets", operation_id = "get_far_field_drawing",
+    params(
+        ("id" = String, Path, description = "the ray set"),
+        ("If-None-Match" = Option<String>, Header, description = "entity tags the client has"),
+    ),
+    responses(
+        (status = 200, body = String, content_type = "image/svg+xml", description = "the drawing", headers(("ETag" = String, description = "its SHA-256"))),
+        (status = 304, description = "the client has it"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such ray set or drawing"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+    )
+)]
+pub async fn far_field(
+    State(api): State<Api>,
+    access: Access,
+    Path(id): Path<String>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    drawing(&api, &access, &id, FAR_FIELD, &headers).await
+}
+
+async fn drawing(api: &Api, access: &Access, id: &str, name: &str, headers: &HeaderMap) -> Result<Response, Problem> {
+    find(api, access, id).await?;
+    let found = inspections::drawing(&api.storage.records, id, name).await?;
+    let Drawing { sha256, svg, .. } = found.ok_or_else(|| Problem::no_drawing(name))?;
+    let etag = format!("\"{sha256}\"");
+    // A drawing is small: a range is answered with all of it.
+    let known = wanted(headers, &etag, svg.len() as u64) == Wanted::Nothing;
+    let mut response = if known { StatusCode::NOT_MODIFIED.into_response() } else { svg.into_response() };
+    let told = response.headers_mut();
+    told.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
+    if let Ok(etag) = HeaderValue::try_from(etag) {
+        told.insert(header::ETAG, etag);
+    }
+    if !known {
+        told.insert(header::CONTENT_TYPE, HeaderValue::from_static("image/svg+xml"));
+    }
+    Ok(response)
 }
 
 /// Deletes a ray set
@@ -255,7 +364,7 @@ fn announcement(name: Option<String>, headers: &HeaderMap) -> Result<Announcemen
         }
     }
     let name = name.or_else(|| text(header::CONTENT_DISPOSITION).and_then(file_name)).unwrap_or_default();
-    Ok(Announcement { name: plain(&name)?, byte_count, sha256 })
+    Ok(Announcement { name: plain(&name)?, byte_count, sha256, ..Announcement::default() })
 }
 
 /// The SHA-256 in a digest header, as hex; other algorithms are left alone.

@@ -2,6 +2,7 @@
 //! the fence its claim gave it, and zero rows changed means that the lease was lost and the result is nobody's.
 
 use super::super::access::quota::{Exceeded, Quota};
+use super::super::crash;
 use super::super::metrics::Metrics;
 use super::super::storage::records::sql;
 use super::super::storage::{self, Storage, job_folder, new_id};
@@ -138,7 +139,9 @@ impl Queue {
                 return Err(Error::MissingRaySet(ray_set.clone()));
             }
         }
+        crash::point("submit.before_commit");
         transaction.commit().await?;
+        crash::point("submit.committed");
         self.wake.notify_one();
         Ok(id)
     }
@@ -169,6 +172,7 @@ impl Queue {
             return Ok(None);
         }
         transaction.commit().await?;
+        crash::point("claim.committed");
         Ok(Some(Claim {
             id: row.text("id")?,
             tenant,
@@ -223,7 +227,9 @@ impl Queue {
             let insert = insert.bind(artifact.media_type.as_str()).bind(artifact.byte_count.cast_signed());
             transaction.write(insert.bind(artifact.sha256.as_str()).bind(artifact.blob.as_str())).await?;
         }
+        crash::point("finish.before_commit");
         transaction.commit().await?;
+        crash::point("finish.committed");
         Ok(true)
     }
 

@@ -1,5 +1,6 @@
 //! Takes jobs from the queue and computes them: the only caller of [`pipeline::run`], on threads that serve nobody else.
 
+use super::super::crash;
 use super::super::metrics::Metrics;
 use super::super::storage::parts::Parts;
 use super::super::storage::{self, Storage, ray_sets};
@@ -270,6 +271,7 @@ impl Worker {
                 }
                 sleep(self.beat).await;
             }
+            crash::point("publish.blob_stored");
             let media_type = artifact.media_type.to_owned();
             stored.push(StoredArtifact { name: artifact.name, media_type, byte_count, sha256, blob });
         }
@@ -327,6 +329,7 @@ impl Progress {
 
 impl Watch for Progress {
     fn progress(&self, stage: Stage, fraction: f64) {
+        crash::stage(stage.name());
         let fraction = (fraction.clamp(0.0, 1.0) * f64::from(u32::MAX)) as u64;
         self.reached.fetch_max(((stage as u64 + 1) << 32) | fraction, Ordering::Relaxed);
     }

@@ -197,9 +197,11 @@ fn delete_unfinished_in(folder: &std::path::Path, age: Duration) -> io::Result<u
 
 impl From<object_store::Error> for Error {
     fn from(error: object_store::Error) -> Error {
+        use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
         let mut cause: Option<&(dyn std::error::Error + 'static)> = Some(&error);
         while let Some(inner) = cause {
-            if inner.downcast_ref::<io::Error>().is_some_and(|error| error.kind() == io::ErrorKind::StorageFull) {
+            let kind = inner.downcast_ref::<io::Error>().map(io::Error::kind);
+            if matches!(kind, Some(StorageFull | QuotaExceeded | FileTooLarge)) {
                 return Error::Full;
             }
             cause = inner.source();

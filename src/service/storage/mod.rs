@@ -8,6 +8,8 @@ pub mod blobs;
 pub mod parts;
 /// Rows of ray sets.
 pub mod ray_sets;
+/// Rows of what was found in their rays.
+pub mod inspections;
 /// Room on local disks.
 pub mod space;
 /// Blobs that no row names.

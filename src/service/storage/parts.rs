@@ -2,8 +2,16 @@
 
 use super::blobs::Blobs;
 use crate::pipeline;
+use bytes::Bytes;
+use std::collections::VecDeque;
 use std::io;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::runtime::Handle;
+
+/// What is asked of the store at once, bytes: a request to S3 costs as much time as a megabyte.
+const BLOCK_BYTES: u64 = 1 << 20;
+/// Blocks kept, so that threads which read chunks next to each other do not ask twice for what lies between.
+const BLOCKS: usize = 8;
 
 /// One immutable piece of an upload.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,6 +29,16 @@ pub struct Parts {
     /// Offset of each part in the whole, and the total length last.
     offsets: Vec<u64>,
     runtime: Handle,
+    /// The blocks last begun, oldest first.
+    blocks: Mutex<VecDeque<Block>>,
+}
+
+/// A piece of a part: asked for by the first thread that needs it, waited for by the others.
+#[derive(Clone)]
+struct Block {
+    part: usize,
+    number: u64,
+    bytes: Arc<Mutex<Option<Bytes>>>,
 }
 
 impl Parts {
@@ -32,8 +50,45 @@ impl Parts {
             end += part.byte_count;
             offsets.push(end);
         }
-        Parts { blobs, parts, offsets, runtime }
+        Parts { blobs, parts, offsets, runtime, blocks: Mutex::default() }
     }
+
+    /// The bytes of one block, the last of a part being shorter.
+    fn block(&self, index: usize, part: &Part, number: u64) -> io::Result<Bytes> {
+        let block = self.remembered(index, number);
+        let mut bytes = locked(&block.bytes);
+        if let Some(bytes) = bytes.as_ref() {
+            return Ok(bytes.clone());
+        }
+        let start = number * BLOCK_BYTES;
+        let range = start..part.byte_count.min(start + BLOCK_BYTES);
+        let expected = range.end - range.start;
+        let read = self.runtime.block_on(self.blobs.read(&part.blob, range)).map_err(io::Error::other)?;
+        if read.len() as u64 != expected {
+            return Err(io::Error::other(format!("{} gave {} of {expected} bytes", part.blob, read.len())));
+        }
+        *bytes = Some(read.clone());
+        Ok(read)
+    }
+
+    /// A block that is kept, with its bytes or for those to come.
+    fn remembered(&self, part: usize, number: u64) -> Block {
+        let mut blocks = locked(&self.blocks);
+        if let Some(block) = blocks.iter().find(|block| (block.part, block.number) == (part, number)) {
+            return block.clone();
+        }
+        if blocks.len() == BLOCKS {
+            blocks.pop_front();
+        }
+        let block = Block { part, number, bytes: Arc::default() };
+        blocks.push_back(block.clone());
+        block
+    }
+}
+
+/// A thread that panicked while it held this left it whole: it is only ever replaced.
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl pipeline::Bytes for Parts {
@@ -47,20 +102,16 @@ impl pipeline::Bytes for Parts {
         }
         let first = self.offsets.partition_point(|start| *start <= offset).saturating_sub(1);
         let (mut rest, mut offset) = (into, offset);
-        for (part, start) in self.parts.iter().zip(&self.offsets).skip(first) {
-            if rest.is_empty() {
-                break;
+        for (index, (part, start)) in self.parts.iter().zip(&self.offsets).enumerate().skip(first) {
+            while !rest.is_empty() && offset < start + part.byte_count {
+                let (number, from) = ((offset - start) / BLOCK_BYTES, (offset - start) % BLOCK_BYTES);
+                let block = self.block(index, part, number)?;
+                let bytes = block.get(from as usize..).unwrap_or_default();
+                let (now, later) = rest.split_at_mut(bytes.len().min(rest.len()));
+                now.copy_from_slice(bytes.get(..now.len()).unwrap_or_default());
+                offset += now.len() as u64;
+                rest = later;
             }
-            let from = offset - start;
-            let count = (part.byte_count - from).min(rest.len() as u64);
-            let bytes =
-                self.runtime.block_on(self.blobs.read(&part.blob, from..from + count)).map_err(io::Error::other)?;
-            let (now, later) = rest.split_at_mut(bytes.len().min(rest.len()));
-            if now.len() as u64 != count {
-                return Err(io::Error::other(format!("{} gave {} of {count} bytes", part.blob, now.len())));
-            }
-            now.copy_from_slice(&bytes);
-            (rest, offset) = (later, offset + count);
         }
         Ok(())
     }
@@ -95,5 +146,35 @@ mod tests {
         let past = parts.read_at(20, &mut [0; 4]).unwrap_err();
         assert_eq!(past.kind(), io::ErrorKind::UnexpectedEof);
         assert_eq!(parts.read_at(u64::MAX, &mut [0; 1]).unwrap_err().kind(), io::ErrorKind::UnexpectedEof);
+    }
+    #[test]
+    fn many_threads_read_what_was_written_block_by_block() {
+        let folder = tempfile::tempdir().unwrap();
+        let runtime = tokio::runtime::Builder::new_multi_thread().build().unwrap();
+        let blobs = Blobs::open(&format!("file:{}", folder.path().display())).unwrap();
+        // Two parts of many blocks, the last ones short; no byte like that a block before.
+        let byte = |at: usize| ((at as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 56) as u8;
+        let lengths = [5 * BLOCK_BYTES as usize + 7, 6 * BLOCK_BYTES as usize + 1];
+        let whole: Vec<u8> = (0..lengths[0] + lengths[1]).map(byte).collect();
+        let mut parts = Vec::new();
+        for (number, piece) in [&whole[..lengths[0]], &whole[lengths[0]..]].into_iter().enumerate() {
+            let blob = format!("ray-sets/x/{number}");
+            runtime.block_on(blobs.put(&blob, piece.to_vec().into())).unwrap();
+            parts.push(Part { blob, byte_count: piece.len() as u64 });
+        }
+        let parts = Parts::new(blobs, parts, runtime.handle().clone());
+        std::thread::scope(|scope| {
+            for thread in 0..4 {
+                let (parts, whole) = (&parts, &whole);
+                scope.spawn(move || {
+                    for start in (thread * 300_007..whole.len()).step_by(4 * 300_007) {
+                        let end = whole.len().min(start + 300_007);
+                        let mut into = vec![0; end - start];
+                        parts.read_at(start as u64, &mut into).unwrap();
+                        assert!(into == whole[start..end], "{start}");
+                    }
+                });
+            }
+        });
     }
 }

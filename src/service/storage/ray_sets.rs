@@ -1,7 +1,9 @@
 //! Rows of ray sets and their parts.
 
 use super::super::access::quota::{Exceeded, Quota};
+use super::super::crash;
 use super::Error;
+use super::inspections::{self, Inspection};
 use super::parts::Part;
 use super::records::{Records, Row, Transaction, sql};
 
@@ -16,7 +18,7 @@ pub struct RaySet {
     pub byte_count: u64,
     /// SHA-256 of the bytes, lower-case hex.
     pub sha256: String,
-    /// What the file says of itself: the pipeline's header, as JSON.
+    /// What the file says of itself: the pipeline's header without its texts, as JSON. The inspection has it whole.
     pub header: String,
     /// The packed file it came in, if it did.
     pub packed: Option<Packed>,
@@ -31,6 +33,17 @@ pub struct Packed {
     pub name: String,
     /// SHA-256 of the bytes as sent, lower-case hex.
     pub sha256: String,
+}
+
+/// A ray set to be: its parts are stored, its rows are not.
+#[derive(Clone, Debug)]
+pub struct Draft {
+    /// Itself.
+    pub ray_set: RaySet,
+    /// Its parts, in order.
+    pub parts: Vec<Part>,
+    /// What its rays say.
+    pub inspection: Inspection,
 }
 
 /// What came of asking to delete a ray set.
@@ -59,7 +72,8 @@ fn ray_set(row: &Row) -> Result<RaySet, Error> {
     })
 }
 
-/// Makes the ray sets of one upload known, all or none; their parts are all stored. Answers them with their times.
+/// Makes the ray sets of one upload known, with their inspections, all or none; their parts are all stored. Answers them with
+/// their times.
 ///
 /// # Errors
 /// The database did not answer. Within: the tenant has no room for them; none is known.
@@ -67,21 +81,24 @@ pub async fn insert(
     records: &Records,
     tenant: &str,
     quota: Quota,
-    new: Vec<(RaySet, Vec<Part>)>,
+    new: Vec<Draft>,
 ) -> Result<Result<Vec<RaySet>, Exceeded>, Error> {
     let mut transaction = records.begin().await?;
     let mut known = Vec::new();
-    for (ray_set, parts) in new {
-        known.push(insert_one(&mut transaction, tenant, ray_set, &parts).await?);
+    for draft in new {
+        known.push(insert_one(&mut transaction, tenant, draft).await?);
     }
     if let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await? {
         return Ok(Err(exceeded));
     }
+    crash::point("upload.before_commit");
     transaction.commit().await?;
+    crash::point("upload.committed");
     Ok(Ok(known))
 }
 
-async fn insert_one(transaction: &mut Transaction, tenant: &str, new: RaySet, parts: &[Part]) -> Result<RaySet, Error> {
+async fn insert_one(transaction: &mut Transaction, tenant: &str, draft: Draft) -> Result<RaySet, Error> {
+    let Draft { ray_set: new, parts, inspection } = draft;
     let insert = "INSERT INTO ray_sets (tenant, id, name, byte_count, sha256, header, packed_name, packed_sha256, \
                   created_ms) VALUES ($1, $2, $3, $4, $5, $6, $7, $8, {now}) RETURNING created_ms";
     let insert =
@@ -95,6 +112,7 @@ async fn insert_one(transaction: &mut Transaction, tenant: &str, new: RaySet, pa
         let insert = insert.bind(new.id.as_str()).bind(number as i64);
         transaction.write(insert.bind(part.byte_count.cast_signed()).bind(part.blob.as_str())).await?;
     }
+    inspections::insert(transaction, &new.id, &inspection).await?;
     let created_ms = rows.first().map_or(Ok(0), |row| row.number("created_ms"))?;
     Ok(RaySet { created_ms, ..new })
 }

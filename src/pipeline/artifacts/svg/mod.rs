@@ -6,6 +6,8 @@ pub mod polar;
 pub mod zones;
 /// The surface in a three-quarter view.
 pub mod hull;
+/// Origins and far field of a ray file.
+pub mod inspection;
 /// Triangles to pixels, for hulls too fine to be drawn as polygons.
 mod raster;
 /// Values to colours.
@@ -22,7 +24,7 @@ const MUTED: &str = "#64707d";
 const FAINT: &str = "#d6dce2";
 
 /// A drawing in the making; coordinates in px, y down.
-struct Svg {
+pub struct Svg {
     text: String,
 }
 

@@ -2,7 +2,7 @@
 
 use super::super::super::goniogram::{Goniogram, SphereGrid, Zone};
 use super::super::super::model::Model;
-use super::super::super::vocabulary::space::Axis;
+use super::super::super::vocabulary::space::{Axis, Frame};
 use super::super::Artifact;
 use super::super::number::text;
 use super::super::provenance::source_name;
@@ -17,10 +17,12 @@ pub fn zone_name(zone: &Zone) -> String {
 }
 
 const CENTER: [f64; 2] = [320.0, 350.0];
-const RADIUS: f64 = 240.0;
+/// Radius of the outer ring, px.
+pub const RADIUS: f64 = 240.0;
 /// Colours that stay apart without colour vision (Okabe and Ito).
-const C0_COLOR: &str = "#0072b2";
-const C90_COLOR: &str = "#d55e00";
+pub const C0_COLOR: &str = "#0072b2";
+/// The other one.
+pub const C90_COLOR: &str = "#d55e00";
 
 /// The curves of the whole source and of each zone.
 pub fn artifacts(model: &Model) -> Vec<Artifact> {
@@ -58,16 +60,17 @@ fn plot(model: &Model, goniogram: &Goniogram, part: &str) -> Svg {
     let radius = |value: f64| RADIUS * value / (step * rings);
     curve(&mut svg, grid, values, [90.0, 270.0], C90_COLOR, "7 4", radius);
     curve(&mut svg, grid, values, [0.0, 180.0], C0_COLOR, "", radius);
-    legend(&mut svg, model);
+    legend(&mut svg, &model.goniograms.frame);
     svg
 }
 
 /// Where `(gamma, radius)` lies; `side` is +1 to the right, -1 to the left.
-fn place(gamma: f64, side: f64, radius: f64) -> [f64; 2] {
+pub fn place(gamma: f64, side: f64, radius: f64) -> [f64; 2] {
     [CENTER[0] + side * radius * gamma.sin(), CENTER[1] + radius * gamma.cos()]
 }
 
-fn axes(svg: &mut Svg, step: f64, rings: f64, unit: &str) {
+/// Rings of `step` each and lines of γ.
+pub fn axes(svg: &mut Svg, step: f64, rings: f64, unit: &str) {
     for angle in (0..180).step_by(15) {
         let gamma = f64::from(angle).to_radians();
         svg.line(place(gamma, 1.0, RADIUS), place(std::f64::consts::PI - gamma, -1.0, RADIUS), FAINT, 1.0);
@@ -105,7 +108,12 @@ fn curve(
     let (right, left) = (half_plane(grid, values, right), half_plane(grid, values, left));
     let on_left = nodes.iter().zip(&left).rev().map(|(gamma, value)| place(*gamma, -1.0, radius(*value)));
     let on_right = nodes.iter().zip(&right).map(|(gamma, value)| place(*gamma, 1.0, radius(*value)));
-    let points: Vec<String> = on_left.chain(on_right).map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
+    polyline(svg, on_left.chain(on_right), color, dashes);
+}
+
+/// One curve through `points`, px.
+pub fn polyline(svg: &mut Svg, points: impl Iterator<Item = [f64; 2]>, color: &str, dashes: &str) {
+    let points: Vec<String> = points.map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
     svg.put(format_args!(
         "<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"2\" stroke-linejoin=\"round\" \
          stroke-dasharray=\"{}\"/>\n",
@@ -123,8 +131,8 @@ fn half_plane(grid: &SphereGrid, values: &[f64], c_deg: f64) -> Vec<f64> {
     (0..nodes).map(|node| (1.0 - part) * value(low, node) + part * value((low + 1) % planes, node)).collect()
 }
 
-fn legend(svg: &mut Svg, model: &Model) {
-    let frame = &model.goniograms.frame;
+/// Which curve is which, and where γ = 0 points.
+pub fn legend(svg: &mut Svg, frame: &Frame) {
     let c90 = Axis::nearest(frame.y()).name();
     let y = 656.0;
     svg.line([24.0, y], [54.0, y], C0_COLOR, 2.5);

@@ -11,7 +11,7 @@ const RED: &[u8] = b"0 0 0  0 0 1  2\n";
 
 /// Python's gzip, which writes the file's name.
 const PYTHON_GZIP: &[u8] =
-    b"\x1f\x8b\x08\x08\0\0\0\0\x02\xfflamp.ray\03P0\0B0a\xa8\xa0`\xc8e@\x22\x1f\0\x8d\xf9\xd9 @\0\0\0";
+    b"\x1f\x8b\x08\x08\0\0\0\0\x02\xfflamp.ray\x003P0\0B0a\xa8\xa0`\xc8e@\x22\x1f\0\x8d\xf9\xd9 @\0\0\0";
 
 /// `printf ... | gzip -9c`: no name.
 const GNU_GZIP: &[u8] = b"\x1f\x8b\x08\0\0\0\0\0\x02\x033P0\0B0a\xa8\xa0`\xc8e@\x22\x1f\0\x8d\xf9\xd9 @\0\0\0";
@@ -40,7 +40,7 @@ const PYTHON_ZIP: &[u8] =
 /// Info-ZIP into a pipe, whose lengths stand behind the data and in the directory.
 const STREAMED_ZIP: &[u8] =
     b"PK\x03\x04-\0\x08\0\x08\0t\x22v]\0\0\0\0\xff\xff\xff\xff\xff\xff\xff\xff\x01\0\x14\0-\x01\0\x10\0\0\
-    \0\0\0\0\0\0\0\0\0\0\0\0\0\0\03P0\0B0a\xa8\xa0`\xc8e@\x22\x1f\0PK\x07\x08\x8d\xf9\xd9 \x10\0\0\0\0\0\
+    \0\0\0\0\0\0\0\0\0\0\0\0\0\0\x003P0\0B0a\xa8\xa0`\xc8e@\x22\x1f\0PK\x07\x08\x8d\xf9\xd9 \x10\0\0\0\0\0\
     \0\0@\0\0\0\0\0\0\0PK\x01\x02\x1e\x03-\0\x08\0\x08\0t\x22v]\x8d\xf9\xd9 \x10\0\0\0@\0\0\0\x01\0\0\0\
     \0\0\0\0\x01\0\0\0\x80\x11\0\0\0\0-PK\x05\x06\0\0\0\0\x01\0\x01\0/\0\0\0[\0\0\0\0\0";
 
@@ -49,16 +49,18 @@ const ENCRYPTED_ZIP: &[u8] =
     b"PK\x03\x04\x14\0\x09\0\x08\0t\x22v]\x8d\xf9\xd9 \x1c\0\0\0@\0\0\0\x05\0\0\0l.txt\xbc\x8co\xf2}5w\xe1\
     &x\xa6r\x83\xcd\xfa\x07\xd8\x12\xc4g\xe1<\xba?\xe5\xaa_3PK\x07\x08\x8d\xf9\xd9 \x1c\0\0\0@\0\0\0PK\
     \x01\x02\x1e\x03\x14\0\x09\0\x08\0t\x22v]\x8d\xf9\xd9 \x1c\0\0\0@\0\0\0\x05\0\0\0\0\0\0\0\x01\0\0\0\
-    \xa4\x81\0\0\0\0l.txtPK\x05\x06\0\0\0\0\x01\0\x01\03\0\0\0O\0\0\0\0\0";
+    \xa4\x81\0\0\0\0l.txtPK\x05\x06\0\0\0\0\x01\0\x01\x003\0\0\0O\0\0\0\0\0";
 
 /// Python's zipfile with bzip2.
 const BZIP2_ZIP: &[u8] =
     b"PK\x03\x04.\0\0\0\x0c\0\0\0!\0\x0dB5!1\0\0\0\x10\0\0\0\x05\0\0\0x.txtBZh91AY&SY\xaa~ F\0\0\x05\xd8\0\
-    \0\x10@\0p\0 \00\xcd\0\x94\xf5\x1e\xa5\xd2H\xe4\x87\x8b\xb9\x22\x9c(HU?\x10#\0PK\x01\x02.\x03.\0\0\0\
+    \0\x10@\0p\0 \x000\xcd\0\x94\xf5\x1e\xa5\xd2H\xe4\x87\x8b\xb9\x22\x9c(HU?\x10#\0PK\x01\x02.\x03.\0\0\0\
     \x0c\0\0\0!\0\x0dB5!1\0\0\0\x10\0\0\0\x05\0\0\0\0\0\0\0\0\0\0\0\x80\x01\0\0\0\0x.txtPK\x05\x06\0\0\0\
-    \0\x01\0\x01\03\0\0\0T\0\0\0\0\0";
-/// Names and contents, or codes of what stays closed.
-fn unpacked(bytes: &[u8], limits: &Limits) -> Result<Vec<(String, Result<Vec<u8>, &'static str>)>, Error> {
+    \0\x01\0\x01\x003\0\0\0T\0\0\0\0\0";
+/// A name and a content, or the code of why it stays closed.
+type Found = (String, Result<Vec<u8>, &'static str>);
+
+fn unpacked(bytes: &[u8], limits: &Limits) -> Result<Vec<Found>, Error> {
     let mut found = Vec::new();
     unpack(&bytes.to_vec(), "sent.ray.gz", limits, |name, content| {
         let content = match content {
@@ -80,7 +82,7 @@ fn unpacked(bytes: &[u8], limits: &Limits) -> Result<Vec<(String, Result<Vec<u8>
     Ok(found)
 }
 
-fn all(bytes: &[u8]) -> Vec<(String, Result<Vec<u8>, &'static str>)> {
+fn all(bytes: &[u8]) -> Vec<Found> {
     unpacked(bytes, &Limits::default()).unwrap()
 }
 

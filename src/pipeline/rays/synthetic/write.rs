@@ -4,6 +4,7 @@ use super::super::super::Error;
 use super::super::super::vocabulary::watch::{Stage, StageWatch, Unwatched};
 use super::super::RawRay;
 use super::super::chunks;
+use super::super::row_writer::Encode;
 use super::super::source::CHUNK_RAYS;
 use super::super::survey::wider;
 use super::super::tm25::Preamble;

@@ -1,6 +1,7 @@
 //! Writing TM-25-13 files as a stream: the count comes first, the rays after it, memory does not grow with them.
 
 use super::super::RawRay;
+use super::super::row_writer::{self, Encode};
 use super::additional::{COLUMN_NAME_BYTES, to_utf32};
 use super::header::{Flags, Header, SpectralId, TEXT_POINTS};
 use super::{ALIGNMENT, Preamble};
@@ -12,11 +13,7 @@ const UNKNOWN: f32 = f32::NAN;
 const STOKES_COLUMNS: u64 = 6;
 
 /// A file being written.
-pub struct Writer<'a> {
-    out: &'a mut dyn Write,
-    rows: Rows,
-    rays_left: u64,
-}
+pub type Writer<'a> = row_writer::Writer<'a, Rows>;
 
 /// Turns rays into rows; what [`Writer::rows`] gives can be used on any thread.
 #[derive(Clone, Copy, Debug)]
@@ -25,7 +22,7 @@ pub struct Rows {
     additional_columns: usize,
 }
 
-impl<'a> Writer<'a> {
+impl<'a> row_writer::Writer<'a, Rows> {
     /// Writes all that comes before the rays. `preamble` is [`Preamble::new`]'s.
     ///
     /// # Errors
@@ -48,45 +45,21 @@ impl<'a> Writer<'a> {
         }
         out.write_all(&to_utf32(&additional.text, header.text_bytes as usize))?;
         let rows = Rows { flags: header.flags, additional_columns: additional.columns.len() };
-        Ok(Writer { out, rows, rays_left: header.ray_count })
+        Ok(row_writer::Writer::announced(out, rows, header.ray_count))
+    }
+}
+
+impl Encode for Rows {
+    fn row_bytes(&self) -> usize {
+        4 * (self.flags.columns(STOKES_COLUMNS) as usize + self.additional_columns)
     }
 
-    /// The encoder of this file's rows.
-    pub fn rows(&self) -> Rows {
-        self.rows
-    }
-
-    /// Writes rows that [`Rows::encode`] made.
-    ///
-    /// # Errors
-    /// `InvalidInput` when there are more rows than announced; what the stream answers.
-    pub fn write(&mut self, rows: &[u8]) -> io::Result<()> {
-        let count = (rows.len() / self.rows.row_bytes()) as u64;
-        let Some(left) = self.rays_left.checked_sub(count) else {
-            return Err(io::Error::new(io::ErrorKind::InvalidInput, "more rays than announced"));
-        };
-        self.rays_left = left;
-        self.out.write_all(rows)
-    }
-
-    /// Ends the file.
-    ///
-    /// # Errors
-    /// `InvalidInput` when rays are missing; what the stream answers.
-    pub fn finish(self) -> io::Result<()> {
-        if self.rays_left > 0 {
-            return Err(io::Error::new(io::ErrorKind::InvalidInput, "fewer rays than announced"));
-        }
-        self.out.flush()
+    fn encode_ray(&self, ray: &RawRay, rows: &mut Vec<u8>) {
+        self.encode(ray, &[], rows);
     }
 }
 
 impl Rows {
-    /// Bytes per ray.
-    pub fn row_bytes(&self) -> usize {
-        4 * (self.flags.columns(STOKES_COLUMNS) as usize + self.additional_columns)
-    }
-
     /// Appends one ray. [`RawRay::table`] counts from 0. Missing additional values become 0, polarisation none.
     pub fn encode(&self, ray: &RawRay, additional: &[f32], rows: &mut Vec<u8>) {
         let flags = self.flags;

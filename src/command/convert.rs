@@ -1,0 +1,181 @@
+//! `convert`: a ray file as another, for programs that read only one of them.
+
+use super::inspect::notice_rows;
+use super::progress::Progress;
+use super::table::{Table, count, flux};
+use super::{Failure, file};
+use crate::pipeline::rays::convert::{self, Converted, Failed, Target};
+use crate::pipeline::vocabulary::watch::StageWatch;
+use crate::pipeline::{Input, Limits, Stage};
+use clap::{Args, ValueEnum};
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufWriter};
+use std::path::{Path, PathBuf};
+
+/// Arguments of `convert`.
+#[derive(Args)]
+pub struct Arguments {
+    /// The ray file, in any format that is read.
+    file: PathBuf,
+    /// The file to write: .tm25ray is IES TM-25, .dat and .sdf are Zemax binary.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Format to write [default: by the extension].
+    #[arg(long, value_enum)]
+    format: Option<OutputFormat>,
+    /// Replace the file if it exists.
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum OutputFormat {
+    Tm25,
+    Zemax,
+}
+
+impl OutputFormat {
+    /// By the extension people use for it.
+    fn of(path: &Path) -> Option<OutputFormat> {
+        match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
+            "tm25ray" | "tm25" => Some(OutputFormat::Tm25),
+            "dat" | "sdf" => Some(OutputFormat::Zemax),
+            _ => None,
+        }
+    }
+
+    fn target(self) -> Target {
+        match self {
+            OutputFormat::Tm25 => Target::Tm25,
+            OutputFormat::Zemax => Target::ZemaxBinary,
+        }
+    }
+}
+
+/// Writes the other file and prints what became of the rays.
+///
+/// # Errors
+/// A file that cannot be read, is refused or does not fit the format; a file in the way; a disk that says no.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let path = &arguments.output;
+    let place = || path.display().to_string();
+    let format = arguments.format.or_else(|| OutputFormat::of(path)).ok_or_else(|| {
+        let found = "The extension of the output does not say which format it shall be.";
+        Failure::usage("convert.format", found, "Name it .tm25ray, .dat or .sdf, or give --format.").at(place())
+    })?;
+    if path.exists() && !arguments.force {
+        let found = "The file to write is there already.";
+        return Err(Failure::usage("convert.exists", found, "Name another, or give --force.").at(place()));
+    }
+    let input = file::open(&arguments.file)?;
+    let converted = write(&input, format.target(), path)?;
+    print!("{}", summary(&input, &converted, format, path));
+    Ok(())
+}
+
+/// Under another name first: nobody ever sees a part of a file, and what was there stays until all is written.
+fn write(input: &Input, target: Target, path: &Path) -> Result<Converted, Failure> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let part = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
+    let disk = |error: &io::Error| Failure::disk(path, error);
+    let file = OpenOptions::new().write(true).create_new(true).open(&part).map_err(|error| disk(&error))?;
+    let progress = Progress::start_reading();
+    let converted = fill(file, input, target, &progress);
+    progress.finish();
+    let done = match converted {
+        Ok(converted) => fs::rename(&part, path).map(|()| converted).map_err(|error| disk(&error)),
+        Err(Failed::Read(error)) => Err(Failure::from(error).at(&input.name)),
+        Err(Failed::Write(error)) => Err(disk(&error)),
+    };
+    if done.is_err() {
+        // What went wrong is told already; a part that stays behind is only untidy.
+        let _ = fs::remove_file(&part);
+    }
+    done
+}
+
+fn fill(file: File, input: &Input, target: Target, progress: &Progress) -> Result<Converted, Failed> {
+    let watch = StageWatch::enter(progress, Stage::Rays)?;
+    let mut out = BufWriter::with_capacity(1 << 20, file);
+    let converted = convert::convert(input, target, &Limits::default(), &mut out, watch)?;
+    out.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()?;
+    Ok(converted)
+}
+
+fn summary(input: &Input, converted: &Converted, format: OutputFormat, path: &Path) -> Table {
+    let written = match format {
+        OutputFormat::Tm25 => "IES TM-25",
+        OutputFormat::Zemax => "Zemax binary",
+    };
+    let left_out = converted.rays_read - converted.rays_written;
+    let mut table = Table::default();
+    table.row("file", ["read".into(), format!("{}: {}", input.name, converted.format.name())]);
+    table.row("file", ["written".into(), format!("{}: {written}", path.display())]);
+    table.row("rays", ["read".into(), count(converted.rays_read)]);
+    table.row("rays", ["written".into(), count(converted.rays_written)]);
+    table.row("rays", ["left out".into(), count(left_out)]);
+    table.row("flux", ["in".into(), flux(converted.flux_in)]);
+    table.row("flux", ["out".into(), flux(converted.flux_out)]);
+    notice_rows(&mut table, &converted.notices);
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::rays::synthetic::{by_name, write_tm25};
+
+    fn lamp(folder: &Path) -> PathBuf {
+        let path = folder.join("lamp.tm25ray");
+        write_tm25(&by_name("flat-chip").unwrap(), 1000, 1, &mut File::create(&path).unwrap()).unwrap();
+        path
+    }
+
+    fn asked(file: &Path, output: &Path) -> Arguments {
+        Arguments { file: file.to_owned(), output: output.to_owned(), format: None, force: false }
+    }
+
+    fn names(folder: &Path) -> Vec<String> {
+        let mut names: Vec<String> =
+            fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn the_extension_says_the_format() {
+        let folder = tempfile::tempdir().unwrap();
+        let lamp = lamp(folder.path());
+        for (name, size) in
+            [("a.dat", 208 + 28_000), ("b.SDF", 208 + 28_000), ("c.tm25ray", fs::metadata(&lamp).unwrap().len())]
+        {
+            let output = folder.path().join(name);
+            run(&asked(&lamp, &output)).unwrap();
+            assert_eq!(fs::metadata(&output).unwrap().len(), size, "{name}");
+        }
+        assert!(run(&asked(&lamp, &folder.path().join("d.ray"))).unwrap_err().to_string().contains("convert.format"));
+        let named = Arguments { format: Some(OutputFormat::Zemax), ..asked(&lamp, &folder.path().join("d.ray")) };
+        run(&named).unwrap();
+        assert_eq!(names(folder.path()), ["a.dat", "b.SDF", "c.tm25ray", "d.ray", "lamp.tm25ray"]);
+    }
+
+    #[test]
+    fn what_is_there_stays_unless_it_shall_go_and_failures_leave_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let (lamp, output) = (lamp(folder.path()), folder.path().join("out.dat"));
+        fs::write(&output, "precious").unwrap();
+        assert!(run(&asked(&lamp, &output)).unwrap_err().to_string().contains("convert.exists"));
+        let damaged = folder.path().join("damaged.tm25ray");
+        fs::write(&damaged, &fs::read(&lamp).unwrap()[..40_000]).unwrap();
+        let forced = |file: &Path| run(&Arguments { force: true, ..asked(file, &output) });
+        assert!(forced(&damaged).unwrap_err().to_string().contains("tm25.size"));
+        assert_eq!(fs::read(&output).unwrap(), b"precious");
+        forced(&lamp).unwrap();
+        assert_eq!(fs::metadata(&output).unwrap().len(), 208 + 28_000);
+        // A file may be converted onto itself: it is read until the end and replaced after it.
+        let whole = fs::read(&lamp).unwrap();
+        run(&Arguments { force: true, ..asked(&lamp, &lamp) }).unwrap();
+        assert!(fs::read(&lamp).unwrap() == whole);
+        assert_eq!(names(folder.path()), ["damaged.tm25ray", "lamp.tm25ray", "out.dat"]);
+    }
+}

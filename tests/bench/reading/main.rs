@@ -1,0 +1,94 @@
+//! How fast ray files are read: one measurement per call, so that `run` can alternate it with other programs.
+//!
+//! `make RAYS TM25 ZEMAX` writes the same rays in both formats. `decode FILE THREADS` turns every record into numbers;
+//! `survey FILE THREADS` checks them too, as every job and inspection does. Both print seconds, taken inside.
+
+use lampwright::pipeline::rays::convert::{Target, convert};
+use lampwright::pipeline::rays::survey::survey;
+use lampwright::pipeline::rays::synthetic::{by_name, write_tm25};
+use lampwright::pipeline::rays::{Bytes, RaySet, open};
+use lampwright::pipeline::vocabulary::spectrum::Bands;
+use lampwright::pipeline::vocabulary::watch::StageWatch;
+use lampwright::pipeline::{Declared, Input, Limits, Stage, Unwatched};
+use rayon::prelude::*;
+use std::error::Error;
+use std::fs::File;
+use std::io::{self, BufWriter};
+use std::os::unix::fs::FileExt;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Records per block, as the pipeline reads them.
+const CHUNK_RAYS: u64 = 1 << 14;
+
+/// A file, as the command line reads it.
+struct OnDisk(File, u64);
+
+impl Bytes for OnDisk {
+    fn len(&self) -> u64 {
+        self.1
+    }
+
+    fn read_at(&self, offset: u64, into: &mut [u8]) -> io::Result<()> {
+        self.0.read_exact_at(into, offset)
+    }
+}
+
+fn on_disk(path: &str) -> io::Result<Arc<OnDisk>> {
+    let file = File::open(path)?;
+    let byte_count = file.metadata()?.len();
+    Ok(Arc::new(OnDisk(file, byte_count)))
+}
+
+fn make(rays: u64, tm25: &str, zemax: &str) -> Result<(), Box<dyn Error>> {
+    let source = by_name("flat-chip").ok_or("no such source")?;
+    write_tm25(&source, rays, 1, &mut BufWriter::new(File::create(tm25)?))?;
+    let bytes = on_disk(tm25)?;
+    let input = Input { name: tm25.into(), sha256: String::new(), bytes, declared: Declared::default() };
+    let mut out = BufWriter::new(File::create(zemax)?);
+    let watch = StageWatch::enter(&Unwatched, Stage::Rays)?;
+    convert(&input, Target::ZemaxBinary, &Limits::default(), &mut out, watch)
+        .map_err(|failed| format!("{failed:?}"))?;
+    Ok(())
+}
+
+/// The sum of the flux, so that nothing is left out as unused.
+fn decode(set: &RaySet) -> Result<f64, lampwright::pipeline::Error> {
+    let count = set.facts.ray_count;
+    (0..count.div_ceil(CHUNK_RAYS))
+        .into_par_iter()
+        .map_init(Vec::new, |rays, chunk| {
+            let first = chunk * CHUNK_RAYS;
+            rays.clear();
+            set.records.read(first, CHUNK_RAYS.min(count - first) as usize, rays)?;
+            Ok(rays.iter().map(|ray| ray.radiant).sum::<f64>())
+        })
+        .sum()
+}
+
+fn measured(what: &str, path: &str) -> Result<f64, Box<dyn Error>> {
+    let limits = Limits::default();
+    let started = Instant::now();
+    let set = open(on_disk(path)?, &Declared::default(), &limits)?;
+    let watt = if what == "decode" {
+        decode(&set)?
+    } else {
+        let bands = Bands::regular(380.0, 780.0, 10.0).ok_or("no bands")?;
+        survey(&set, true, &bands, &limits, StageWatch::enter(&Unwatched, Stage::Rays)?)?.sums.radiant
+    };
+    let seconds = started.elapsed().as_secs_f64();
+    if (watt - 1.0).abs() > 1e-6 { Err(format!("read {watt} W of 1 W").into()) } else { Ok(seconds) }
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
+    match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        ["make", rays, tm25, zemax] => make(rays.parse()?, tm25, zemax),
+        [what @ ("decode" | "survey"), path, threads] => {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.parse()?).build()?;
+            println!("{}", pool.install(|| measured(what, path).map_err(|error| error.to_string()))?);
+            Ok(())
+        }
+        _ => Err("see tests/bench/reading/run".into()),
+    }
+}

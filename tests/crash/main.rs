@@ -1,0 +1,271 @@
+//! Nothing accepted is lost, nothing is published twice, nothing is stuck: the binary, killed at every named point and at random
+//! moments, stopped, poisoned, without its database, without room. The engines are chosen as `README.md` says.
+
+#![expect(clippy::unwrap_used, clippy::panic, reason = "what a test stumbles over is its finding")]
+
+#[path = "../support/engines.rs"]
+mod engines;
+#[path = "../support/http.rs"]
+mod http;
+/// What clients were promised.
+mod ledger;
+/// The stores and the processes.
+mod node;
+
+use lampwright::service::crash;
+use ledger::{Ledger, ended, ray_file, ray_file_of};
+use node::{LEASE_S, Node, World, get, until};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use std::process::Command;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, RwLock};
+use std::thread::{scope, sleep};
+use std::time::{Duration, Instant};
+
+/// The database of all tests: whoever takes it away does so alone.
+static DATABASE: RwLock<()> = RwLock::new(());
+const SIGABRT: i32 = 6;
+/// Kills of a soak are the tests' doing, not the job's; garbage is what nobody touched for two seconds.
+const HARDY: [&str; 2] = ["--attempts", "1000"];
+const TIDY: [&str; 4] = ["--attempts", "1000", "--garbage-age", "2"];
+
+/// A number from the environment: how long a soak is chosen by whoever starts it.
+fn chosen(name: &str, default: u64) -> u64 {
+    std::env::var(name).map_or(default, |text| text.parse().unwrap_or_else(|_| panic!("{name}={text} is no number")))
+}
+
+/// A process that dies at a point, and after it one that does not.
+struct Followed<'a> {
+    world: &'a World,
+    node: Node,
+    deaths: u32,
+}
+
+impl Followed<'_> {
+    fn address(&mut self) -> &str {
+        if let Some(signal) = self.node.died() {
+            assert_eq!(signal, SIGABRT, "{}", self.node.log());
+            self.deaths += 1;
+            self.node = self.world.node(&HARDY);
+        }
+        &self.node.address
+    }
+
+    /// What a client does until it is told that it succeeded.
+    fn insist<T>(&mut self, what: &str, mut ask: impl FnMut(&str) -> Option<T>) -> T {
+        until(what, || ask(self.address()))
+    }
+}
+
+#[test]
+fn a_death_at_any_point_loses_nothing_and_publishes_once() {
+    let _database = DATABASE.read().unwrap();
+    let (world, mut ledger) = (World::new(), Ledger::default());
+    for (seed, point) in crash::POINTS.iter().enumerate() {
+        let (start, bytes) = (Instant::now(), ray_file(seed as u64));
+        let mut followed = Followed { world: &world, node: world.armed(&HARDY, Some(point)), deaths: 0 };
+        let ray_set = followed.insist("an upload", |address| ledger.upload(address, &bytes));
+        let job = followed.insist("a job", |address| ledger.submit(address, &ray_set));
+        until(point, || (!followed.address().is_empty() && followed.deaths == 1).then_some(()));
+        assert_eq!(ended(followed.address(), &job)["state"], "succeeded");
+        println!("{point}: {:?}", start.elapsed());
+    }
+    ledger.audit(&world, &world.node(&TIDY));
+}
+
+/// What a lab's robot does until it is told to stop: sends a file, queues a job, and so on, to whichever node answers.
+fn robot(addresses: &Mutex<Vec<String>>, number: u64, stop: &AtomicBool) -> Ledger {
+    let mut ledger = Ledger::default();
+    for round in 0.. {
+        if stop.load(Ordering::Relaxed) {
+            break;
+        }
+        let address = {
+            let addresses = addresses.lock().unwrap();
+            addresses[round as usize % addresses.len()].clone()
+        };
+        let sent = ledger.upload(&address, &ray_file(number * 1_000_000 + round));
+        sent.and_then(|ray_set| ledger.submit(&address, &ray_set));
+        sleep(Duration::from_millis(50));
+    }
+    ledger
+}
+
+#[test]
+fn kills_at_random_moments_lose_nothing_and_publish_once() {
+    let _database = DATABASE.read().unwrap();
+    let (kills, seed) = (chosen("CRASH_KILLS", 20), chosen("CRASH_SEED", 1));
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let (world, start) = (World::new(), Instant::now());
+    // A data folder has one process; servers have as many as there are.
+    let count = if engines::are_shared() { 2 } else { 1 };
+    let mut nodes: Vec<Node> = (0..count).map(|_| world.node(&HARDY)).collect();
+    let told = |nodes: &[Node]| nodes.iter().map(|node| node.address.clone()).collect::<Vec<String>>();
+    let (addresses, stop) = (&Mutex::new(told(&nodes)), &AtomicBool::new(false));
+    let mut ledger = Ledger::default();
+    scope(|scope| {
+        let robots: Vec<_> = (1..=2).map(|number| scope.spawn(move || robot(addresses, number, stop))).collect();
+        for kill in 0..kills {
+            sleep(Duration::from_millis(random.next_u64() % 1000));
+            let victim = nodes.remove(kill as usize % count);
+            victim.kill();
+            nodes.insert(kill as usize % count, world.node(&HARDY));
+            *addresses.lock().unwrap() = told(&nodes);
+        }
+        stop.store(true, Ordering::Relaxed);
+        for robot in robots {
+            let Ledger { ray_sets, jobs } = robot.join().unwrap();
+            ledger.ray_sets.extend(ray_sets);
+            ledger.jobs.extend(jobs);
+        }
+    });
+    drop(nodes);
+    let soaked = start.elapsed();
+    ledger.audit(&world, &world.node(&TIDY));
+    let (files, jobs) = (ledger.ray_sets.len(), ledger.jobs.len());
+    println!(
+        "{kills} kills (seed {seed}) in {soaked:?}: {files} files and {jobs} jobs kept, audited by {:?}",
+        start.elapsed()
+    );
+}
+
+#[test]
+fn a_process_stopped_past_its_lease_publishes_nothing_twice() {
+    let _database = DATABASE.read().unwrap();
+    let (world, mut ledger) = (World::new(), Ledger::default());
+    let zombie = world.node(&TIDY);
+    // Long enough to be caught in its middle; caught too late, the next is tried.
+    let caught = until("a job caught while it runs", || {
+        let job = ledger.job(&zombie, &ray_file_of(200_000, ledger.jobs.len() as u64));
+        let state = |job: &str| zombie.get(&format!("/v1/jobs/{job}")).unwrap().json()["state"].clone();
+        until("its begin", || (state(&job) != "queued").then_some(()));
+        zombie.signal("STOP");
+        let storage = world.storage();
+        let select =
+            lampwright::service::storage::records::sql("SELECT state FROM jobs WHERE id = $1").bind(job.as_str());
+        let row = world.runtime.block_on(storage.records.read_one(select)).unwrap().unwrap();
+        if row.text("state").unwrap() == "running" {
+            return Some(job);
+        }
+        zombie.signal("CONT");
+        None
+    });
+    // What this waits for is that time passes: a lease, twice.
+    sleep(Duration::from_secs(2 * LEASE_S));
+    if engines::are_shared() {
+        let heir = world.node(&TIDY);
+        let done = ended(&heir.address, &caught);
+        assert_eq!((&done["state"], &done["attempt"]), (&"succeeded".into(), &2.into()), "{done}");
+        zombie.signal("CONT");
+        until("the zombie to see it", || zombie.log().contains("ending=\"lost\"").then_some(()));
+    } else {
+        zombie.signal("CONT");
+        assert_eq!(ended(&zombie.address, &caught)["attempt"], 1, "nobody else was there to take it");
+    }
+    ledger.audit(&world, &zombie);
+}
+
+#[test]
+fn a_job_that_kills_its_process_stops_after_its_attempts() {
+    let _database = DATABASE.read().unwrap();
+    let (world, mut ledger) = (World::new(), Ledger::default());
+    let node = world.node(&["--role", "api"]);
+    let poison = ledger.job(&node, &ray_file(1));
+    node.kill();
+    for _ in 0..3 {
+        assert_eq!(world.armed(&["--attempts", "3"], Some("stage.flux")).death(), SIGABRT);
+    }
+    let node = world.node(&TIDY);
+    let failed = ended(&node.address, &poison);
+    assert_eq!((&failed["state"], &failed["attempt"]), (&"failed".into(), &3.into()), "{failed}");
+    assert_eq!(failed["problem"]["code"], "job.worker_lost", "{failed}");
+    // The queue is not blocked by it.
+    ledger.jobs.remove(&poison);
+    ledger.job(&node, &ray_file(2));
+    ledger.audit(&world, &node);
+}
+
+#[test]
+fn two_nodes_share_a_hundred_jobs() {
+    if !engines::are_shared() {
+        return;
+    }
+    let _database = DATABASE.read().unwrap();
+    let (world, mut ledger) = (World::new(), Ledger::default());
+    let api = world.node(&["--role", "api", "--garbage-age", "2"]);
+    for seed in 0..100 {
+        ledger.job(&api, &ray_file(seed));
+    }
+    let start = Instant::now();
+    let workers = [(); 2].map(|()| world.node(&["--role", "worker", "--log", "info"]));
+    assert_eq!(workers[0].get("/v1/jobs").unwrap().status, 404, "a worker answers only whether it is well");
+    for job in &ledger.jobs {
+        let done = ended(&api.address, job);
+        assert_eq!((&done["state"], &done["attempt"]), (&"succeeded".into(), &1.into()), "{done}");
+    }
+    let shares = workers.each_ref().map(|worker| worker.log().matches("job begun").count());
+    println!("100 jobs in {:?}, shared as {shares:?}", start.elapsed());
+    assert_eq!(shares.iter().sum::<usize>(), 100, "a job was begun twice");
+    assert!(shares.iter().all(|share| *share >= 20), "{shares:?}");
+    ledger.audit(&world, &api);
+}
+
+/// `tests/engines/postgres` with one word.
+fn postgres(word: &str) {
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/engines/postgres");
+    assert!(Command::new(script).arg(word).status().unwrap().success(), "{word}");
+}
+
+#[test]
+fn a_database_that_is_away_for_a_while_loses_nothing() {
+    if !engines::are_shared() {
+        return;
+    }
+    let _database = DATABASE.write().unwrap();
+    let (world, mut ledger) = (World::new(), Ledger::default());
+    let nodes = [(); 2].map(|()| world.node(&TIDY));
+    for seed in 0..20 {
+        ledger.job(&nodes[0], &ray_file(seed));
+    }
+    let asked = AtomicU64::new(0);
+    postgres("stop");
+    let away = Instant::now();
+    while away.elapsed() < Duration::from_secs(chosen("CRASH_OUTAGE_S", 40)) {
+        for node in &nodes {
+            assert_eq!(node.get("/healthz").map(|answer| answer.status), Some(200), "the process lives");
+            assert_eq!(node.get("/readyz").map(|answer| answer.status), Some(503), "and says that it cannot work");
+            assert_eq!(ledger.upload(&node.address, &ray_file(99)), None);
+            asked.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+    postgres("start");
+    let back = Instant::now();
+    for node in &nodes {
+        until("a node to be ready", || (get(&node.address, "/readyz")?.status == 200).then_some(()));
+    }
+    println!("away for {:?}, asked {asked:?} times; ready {:?} after its return", away.elapsed(), back.elapsed());
+    ledger.job(&nodes[1], &ray_file(100));
+    ledger.audit(&world, &nodes[0]);
+}
+
+#[test]
+fn a_store_without_room_says_so_and_keeps_what_it_has() {
+    if engines::are_shared() {
+        return;
+    }
+    let (world, mut ledger) = (World::new(), Ledger::default());
+    // A file of this process may have 6 MiB: no privilege is needed for that, and a part of 7 MiB has no room.
+    let mut shell = Command::new("sh");
+    shell.args(["-c", "trap '' XFSZ; ulimit -f $((6 * 2048)); exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_lampwright")]);
+    let node = world.spawn(&mut shell, &TIDY, None);
+    let job = ledger.job(&node, &ray_file(1));
+    let large = ray_file_of(7 * (1 << 20) / 28, 2);
+    let path = "/v1/ray-sets?name=large.tm25ray";
+    let headers = [("Content-Type", "application/octet-stream")];
+    let refused = http::ask(&node.address, "POST", path, &headers, &large).unwrap();
+    assert_eq!((refused.status, &refused.json()["code"]), (507, &"storage.full".into()), "{refused:?}");
+    assert_eq!(ended(&node.address, &job)["state"], "succeeded");
+    ledger.job(&node, &ray_file(3));
+    ledger.audit(&world, &node);
+}

@@ -1,0 +1,5 @@
+//! ASAP distribution.
+
+#![no_main]
+
+lampwright_fuzz::target!(Asap);

@@ -1,0 +1,5 @@
+//! Text in columns.
+
+#![no_main]
+
+lampwright_fuzz::target!(Columns);

@@ -1,0 +1,5 @@
+//! Packed files: gzip, zstd, zip.
+
+#![no_main]
+
+lampwright_fuzz::target!(Container);

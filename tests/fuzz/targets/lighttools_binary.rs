@@ -1,0 +1,5 @@
+//! LightTools binary.
+
+#![no_main]
+
+lampwright_fuzz::target!(LightToolsBinary);

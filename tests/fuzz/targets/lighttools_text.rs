@@ -1,0 +1,5 @@
+//! LightTools text.
+
+#![no_main]
+
+lampwright_fuzz::target!(LightToolsText);

@@ -1,0 +1,5 @@
+//! TracePro / ProSource text.
+
+#![no_main]
+
+lampwright_fuzz::target!(ProSourceText);

@@ -1,0 +1,5 @@
+//! Speos.
+
+#![no_main]
+
+lampwright_fuzz::target!(Speos);

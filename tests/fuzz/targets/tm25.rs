@@ -1,0 +1,5 @@
+//! IES TM-25.
+
+#![no_main]
+
+lampwright_fuzz::target!(Tm25);

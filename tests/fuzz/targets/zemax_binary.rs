@@ -1,0 +1,5 @@
+//! Zemax binary.
+
+#![no_main]
+
+lampwright_fuzz::target!(ZemaxBinary);

@@ -1,0 +1,5 @@
+//! Zemax text.
+
+#![no_main]
+
+lampwright_fuzz::target!(ZemaxText);

@@ -1,0 +1,219 @@
+//! Inspections of files whose answers are known: closed forms, files made wrong on purpose, and a real one.
+
+use glam::DVec3;
+use lampwright::pipeline::rays::synthetic::{self, write_tm25};
+use lampwright::pipeline::{Declared, Input, Inspection, Limits, Unwatched, Verdict, drawings, inspect};
+use serde_json::Value;
+use std::sync::Arc;
+
+const SCHEMA: &str = include_str!("../../openapi/inspection.schema.json");
+const ZEMAX_HEADER: usize = 208;
+
+fn seen(bytes: Vec<u8>) -> Inspection {
+    let input =
+        Input { name: "test".into(), sha256: String::new(), bytes: Arc::new(bytes), declared: Declared::default() };
+    inspect(&input, &Limits::default(), &Unwatched).unwrap()
+}
+
+fn verdict(found: &Inspection, check: &str) -> Verdict {
+    found.checks.iter().find(|found| found.check == check).unwrap().verdict
+}
+
+fn known(name: &str, rays: u64) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    write_tm25(&synthetic::by_name(name).unwrap(), rays, 5, &mut bytes).unwrap();
+    bytes
+}
+
+/// A Zemax file (FORMATS.md 2) of these rays: x y z l m n flux; lengths in the unit of this code (4 = mm, 0 = m).
+fn zemax(unit: i32, rays: &[[f64; 7]]) -> Vec<u8> {
+    let mut file = vec![0; ZEMAX_HEADER];
+    let mut word = |at: usize, value: [u8; 4]| file[at..at + 4].copy_from_slice(&value);
+    word(0, 1010_i32.to_le_bytes());
+    word(4, (rays.len() as u32).to_le_bytes());
+    let total = rays.iter().map(|ray| ray[6]).sum::<f64>() as f32;
+    word(108, total.to_le_bytes());
+    word(112, total.to_le_bytes());
+    word(116, 0.55_f32.to_le_bytes());
+    word(136, unit.to_le_bytes());
+    rays.iter().flatten().for_each(|value| file.extend((*value as f32).to_le_bytes()));
+    file
+}
+
+/// Every inspection fits the published schema, and has a remedy where something is to be done.
+fn conforms(found: &Inspection) {
+    let schema: Value = serde_json::from_str(SCHEMA).unwrap();
+    let json = serde_json::to_value(found).unwrap();
+    let problems: Vec<String> =
+        jsonschema::validator_for(&schema).unwrap().iter_errors(&json).map(|error| error.to_string()).collect();
+    assert!(problems.is_empty(), "{problems:?}");
+    for check in &found.checks {
+        assert_eq!(check.remedy.is_some(), check.verdict > Verdict::Ok, "{check:?}");
+    }
+    assert_eq!(found.verdict, found.checks.iter().map(|check| check.verdict).max().unwrap());
+}
+
+/// Closed forms of the 1 x 1 mm Lambertian chip in z = 0: the focus is its middle, because places and directions are
+/// independent, so A F = A E[o]; A/W = diag(3/4, 3/4, 1/2), condition 1.5; mean cosine 2/3; no flux backward. The mean square
+/// distance of the lines is E[o . (1 - d d^T) o] = 3/4 E[x^2 + y^2] = 3/4 * 2/12 = 1/8.
+#[test]
+fn a_lambertian_chip_is_what_its_closed_form_says() {
+    const RAYS: f64 = 100_000.0;
+    let found = seen(known("flat-chip", RAYS as u64));
+    conforms(&found);
+    let focus = found.focus.unwrap();
+    // Standard error along z: sqrt(1/8 / 2 / (n / 2)); across it is smaller.
+    let error = (0.125 / RAYS).sqrt();
+    assert!((focus.standard_error_mm / error - 1.0).abs() < 0.02, "{focus:?}");
+    assert!(DVec3::from_array(focus.point_mm).length() < 6.0 * error, "{focus:?}");
+    assert!((focus.condition - 1.5).abs() < 0.02 && (focus.rms_distance_mm - 0.125_f64.sqrt()).abs() < 0.003);
+    let main = found.main_direction.unwrap();
+    assert!((main.mean_cosine - 2.0 / 3.0).abs() < 6.0 * (1.0 / 18.0 / RAYS).sqrt() && main.backward_share == 0.0);
+    let origins = found.origins.as_ref().unwrap();
+    assert_eq!((origins.shape, origins.exact), ("plane", false));
+    let flux = found.ray_flux.unwrap();
+    assert!(flux.equal && (flux.effective_rays - RAYS).abs() < 1.0, "{flux:?}");
+    assert!((found.noise.unwrap().of_2500_cells - (2500.0 / RAYS).sqrt()).abs() < 1e-9);
+    assert_eq!(found.verdict, Verdict::Ok, "{:?}", found.checks);
+}
+
+#[test]
+fn no_known_source_is_called_wrong_and_threads_do_not_matter() {
+    for source in synthetic::all() {
+        let bytes = known(source.name, 60_000);
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| seen(bytes.clone()))
+        };
+        let found = on(1);
+        conforms(&found);
+        assert!(found == on(3), "{}", source.name);
+        assert_eq!(verdict(&found, "rays.order"), Verdict::Ok, "{}", source.name);
+        assert!(found.verdict < Verdict::Wrong, "{}: {:?}", source.name, found.checks);
+        let drawn = drawings(&found, "<a> & \u{1}\"b\"]]>");
+        assert_eq!(drawn.len(), 2);
+        for drawing in drawn {
+            let text = String::from_utf8(drawing.bytes).unwrap();
+            assert!(text.len() < 60_000 && text.contains("&lt;a&gt; &amp;"), "{}: {}", drawing.name, text.len());
+            assert!(!text.contains("<a>") && !text.contains("NaN") && !text.contains("inf "), "{}", drawing.name);
+        }
+    }
+}
+
+/// A sphere of radius 10 about a small bulb of radius 1: the focus is the bulb's middle, the origins are not the bulb.
+#[test]
+fn a_receiver_sphere_is_told_from_an_emitter() {
+    let spiral = |k: usize| {
+        let (z, c) = (1.0 - (2 * (k % 20_000) + 1) as f64 / 20_000.0, 2.399_963_229_728_653 * (k % 20_000) as f64);
+        DVec3::new((1.0 - z * z).sqrt() * c.cos(), (1.0 - z * z).sqrt() * c.sin(), z)
+    };
+    let rays: Vec<[f64; 7]> = (0..20_000)
+        .map(|k| {
+            let (direction, from) = (spiral(k * 7919), spiral(k * 11_003 + 77));
+            let along = from.dot(direction);
+            let start = from + direction * ((along * along + 99.0).sqrt() - along);
+            [start.x, start.y, start.z, direction.x, direction.y, direction.z, 1.0]
+        })
+        .collect();
+    let found = seen(zemax(4, &rays));
+    conforms(&found);
+    let origins = found.origins.as_ref().unwrap();
+    let sphere = origins.sphere.unwrap();
+    assert_eq!((origins.shape, origins.exact), ("sphere", true));
+    assert!((sphere.radius_mm - 10.0).abs() < 1e-3 && sphere.share > 0.999, "{sphere:?}");
+    let focus = found.focus.unwrap();
+    assert!(DVec3::from_array(focus.point_mm).length() < 0.02 && focus.distance_99_mm < 1.0001, "{focus:?}");
+    assert_eq!(verdict(&found, "rays.origins"), Verdict::Notice);
+}
+
+/// The rays of a known source as a Zemax file has them.
+fn rays() -> Vec<[f64; 7]> {
+    let found = seen(known("four-chips", 20_000));
+    let row = |o: DVec3, d: DVec3| [o.x, o.y, o.z, d.x, d.y, d.z, 1e-3];
+    found.evidence.sample.iter().map(|ray| row(ray.origin_mm, ray.direction)).collect()
+}
+
+/// Files a job would refuse are told of nevertheless.
+#[test]
+fn what_is_wrong_is_said() {
+    let rays = rays();
+    let plain = seen(zemax(4, &rays));
+    conforms(&plain);
+    assert!(plain.verdict < Verdict::Wrong, "{:?}", plain.checks);
+    // Directions and positions swapped.
+    let swapped: Vec<[f64; 7]> = rays.iter().map(|r| [r[3], r[4], r[5], r[0], r[1], r[2], r[6]]).collect();
+    let found = seen(zemax(4, &swapped));
+    conforms(&found);
+    assert_eq!((verdict(&found, "rays.usable"), found.verdict), (Verdict::Wrong, Verdict::Wrong));
+    assert!(found.directions.worst_length_error > 0.01);
+    // No flux at all: nothing can be said of rays, and that is said.
+    let dark: Vec<[f64; 7]> = rays.iter().map(|r| [r[0], r[1], r[2], r[3], r[4], r[5], 0.0]).collect();
+    let found = seen(zemax(4, &dark));
+    conforms(&found);
+    assert_eq!((found.verdict, found.rays_used, found.focus), (Verdict::Wrong, 0, None));
+    assert!(drawings(&found, "dark").is_empty());
+}
+
+/// What users trip over, each made on purpose: the check that is meant raises a notice, which it does not for the rays as they are.
+#[test]
+fn what_users_trip_over_is_noticed() {
+    let rays = rays();
+    let mut sorted = rays.clone();
+    sorted.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut spot = rays.clone();
+    spot[77][6] = 1e-3 * rays.len() as f64;
+    let beam = rays.iter().map(|r| [r[0], r[1], r[2], 0.0, 0.6, 0.8, r[6]]).collect();
+    let turn =
+        |(k, r): (usize, &[f64; 7])| [r[0], r[1], r[2], r[3], r[4], if k % 10 == 0 { -r[5] } else { r[5] }, r[6]];
+    let back: Vec<[f64; 7]> = rays.iter().enumerate().map(turn).collect();
+    let long = rays.iter().map(|r| [r[0], r[1], r[2], r[3] * 1.0005, r[4] * 1.0005, r[5] * 1.0005, r[6]]).collect();
+    let few = rays[..2000].to_vec();
+    // Origins slid 2 mm up their rays: the plane they lie on is no longer the chips'.
+    let lift = |r: &[f64; 7]| {
+        let t = 2.0 / r[5].max(0.05);
+        [r[0] + t * r[3], r[1] + t * r[4], r[2] + t * r[5], r[3], r[4], r[5], r[6]]
+    };
+    let lifted = rays.iter().filter(|r| r[5] > 0.3).map(lift).collect();
+    let backward = seen(zemax(4, &back)).main_direction.unwrap().backward_share;
+    assert!((backward - 0.1).abs() < 1e-3, "{backward}");
+    let plain = seen(zemax(4, &rays));
+    let cases: [(&str, i32, Vec<[f64; 7]>); 8] = [
+        ("rays.order", 4, sorted),
+        ("rays.ray_flux", 4, spot),
+        ("rays.focus", 4, beam),
+        ("rays.backward", 4, back),
+        ("rays.directions", 4, long),
+        ("rays.origins", 4, lifted),
+        ("rays.size", 0, rays.clone()), // mm labelled as metres
+        ("rays.noise", 4, few),
+    ];
+    for (check, unit, rays) in cases {
+        let found = seen(zemax(unit, &rays));
+        conforms(&found);
+        assert_eq!(verdict(&found, check), Verdict::Notice, "{check}: {:?}", found.checks);
+        if check != "rays.noise" {
+            assert_eq!(verdict(&plain, check), Verdict::Ok, "{check}: {:?}", plain.checks);
+        }
+    }
+}
+
+/// OSRAM prints the virtual focus of this file; the file may be used but not redistributed.
+#[test]
+fn the_published_virtual_focus_is_found() {
+    const FILE: &str = "../shared/rays/mu_rayfile_LERTDUW_S2WP_green_100k_20161013_IES_TM25.TM25RAY";
+    let Ok(bytes) = std::fs::read(FILE) else {
+        println!("left out: {FILE} is not here");
+        return;
+    };
+    let found = seen(bytes);
+    conforms(&found);
+    let published = DVec3::new(-0.684, 0.836, -0.449);
+    let off = (DVec3::from_array(found.focus.unwrap().point_mm) - published).abs().max_element();
+    assert!(off < 0.002, "{:?}", found.focus);
+    // 98 % on the plane z = 0.02 mm, the rest on the sides of a box.
+    let origins = found.origins.as_ref().unwrap();
+    let plane = origins.plane.unwrap();
+    assert!((plane.share - 0.98).abs() < 0.01 && (plane.offset_mm.abs() - 0.02).abs() < 1e-6, "{plane:?}");
+    assert_eq!((origins.shape, verdict(&found, "rays.order")), ("box", Verdict::Ok));
+    assert_eq!(verdict(&found, "rays.origins"), Verdict::Notice);
+}
