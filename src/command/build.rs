@@ -1,16 +1,17 @@
 //! `build`: the pipeline without a server. Ray files in, a folder of artifacts and a closing table out.
 
+use super::declaration::{self, ChannelFile};
 use super::inspect::notice_rows;
 use super::progress::Progress;
 use super::table::{Table, count, flux, number, percent, triple};
-use super::{Failure, argument, file};
+use super::{Failure, argument};
 use crate::pipeline::artifacts::{IesEdition, Spectra, zip};
 use crate::pipeline::flux::balance::Share;
 use crate::pipeline::hull::Label;
-use crate::pipeline::model::Model;
+use crate::pipeline::model::{Model, Origin};
 use crate::pipeline::vocabulary::space::Axis;
 use crate::pipeline::vocabulary::spectrum::Bands;
-use crate::pipeline::{Input, Limits, Options, Outcome, Stage};
+use crate::pipeline::{Declared, Input, Limits, Notice, Options, Outcome, Stage, Total};
 use clap::{Args, ValueEnum};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,9 +20,13 @@ use std::time::Duration;
 /// Arguments of `build`.
 #[derive(Args)]
 pub struct Arguments {
-    /// Ray files of one source, in one frame; packed ones too, FILE:MEMBER where a zip holds several.
-    #[arg(required = true, value_name = "FILE")]
-    files: Vec<PathBuf>,
+    /// Ray files of one source, in one frame; packed ones too, FILE:MEMBER where a zip holds several. What follows a comma goes
+    /// before the file's own word.
+    #[arg(required = true, value_name = "FILE[,KEY=VALUE]..", value_parser = declaration::channel, long_help = declaration::HELP)]
+    files: Vec<ChannelFile>,
+    /// Total flux of the source, of which every file has a share, as 1.2W or 337lm.
+    #[arg(long, value_name = "FLUX", value_parser = declaration::total)]
+    total: Option<Total>,
     /// Folder for the results; made if missing, and must be empty.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
@@ -120,16 +125,19 @@ impl Choices {
 /// # Errors
 /// Files that cannot be read or are refused; options that cannot be used; a disk that says no.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let options = arguments.choices.options();
+    let mut options = arguments.choices.options();
+    options.rays.total = arguments.total;
     options.validate()?;
     let folder = &arguments.output;
     make_empty(folder)?;
-    let inputs = arguments.files.iter().map(|path| file::open(path)).collect::<Result<Vec<Input>, Failure>>()?;
+    let opened = arguments.files.iter().map(ChannelFile::open).collect::<Result<Vec<_>, Failure>>()?;
+    let (inputs, notices): (Vec<Input>, Vec<Vec<Notice>>) = opened.into_iter().unzip();
     let progress = Progress::start();
     let outcome =
         on_threads(arguments.threads, || crate::pipeline::run(&inputs, &options, &Limits::default(), &progress))?;
     let times = progress.finish();
-    let outcome = outcome.map_err(|error| Failure::from(error).at(names(&inputs)))?;
+    let mut outcome = outcome.map_err(|error| Failure::from(error).at(names(&inputs)))?;
+    outcome.notices.extend(notices.into_iter().flatten());
     write(folder, &outcome)?;
     print!("{}", summary(&outcome, &times, folder));
     Ok(())
@@ -174,6 +182,7 @@ fn summary(outcome: &Outcome, times: &[(Stage, Duration)], folder: &Path) -> Tab
     let model = &outcome.model;
     let mut table = Table::default();
     ray_rows(&mut table, model);
+    channel_rows(&mut table, model);
     hull_rows(&mut table, model);
     flux_rows(&mut table, model);
     zone_rows(&mut table, model);
@@ -191,6 +200,23 @@ fn ray_rows(table: &mut Table, model: &Model) {
         let [read, used, lost] = [origin.ray_count, origin.rays_used, lost].map(count);
         table.row("rays", [format!("{}: {}", origin.name, origin.format)]);
         table.row("rays", [format!("read {read}, used {used}, refused or dropped {lost}")]);
+    }
+}
+
+/// What each channel gives to the source, where there is something to compare or somebody declared it.
+fn channel_rows(table: &mut Table, model: &Model) {
+    let declared = |origin: &Origin| origin.declared != Declared::default();
+    if model.origins.len() < 2 && !model.origins.iter().any(declared) {
+        return;
+    }
+    for origin in &model.origins {
+        let from = match &origin.declared.spectrum {
+            Some(_) => ", declared",
+            None => "",
+        };
+        let flux = format!("{}{}", flux(origin.flux), if origin.fixed.is_some() { ", declared" } else { "" });
+        let share = percent(origin.share_of(&model.flux), 1.0);
+        table.row("channels", [origin.channel.clone(), flux, share, format!("spectrum: {}{from}", origin.spectrum)]);
     }
 }
 

@@ -1,8 +1,9 @@
 //! `inspect`: what a file says of itself, and what its rays say. Users want these checks before they want a model.
 
+use super::Failure;
+use super::declaration::{self, ChannelFile};
 use super::progress::Progress;
 use super::table::{Table, count, flux, number, triple};
-use super::{Failure, file};
 use crate::pipeline::{self, Header, Input, Inspection, Limits, Notice};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -10,8 +11,9 @@ use std::path::{Path, PathBuf};
 /// Arguments of `inspect`.
 #[derive(Args)]
 pub struct Arguments {
-    /// The ray file; or a packed one: every ray file in it, or FILE:MEMBER.
-    file: PathBuf,
+    /// The ray file; or a packed one: every ray file in it, or FILE:MEMBER. What follows a comma goes before its own word.
+    #[arg(value_name = "FILE[,KEY=VALUE]..", value_parser = declaration::channel, long_help = declaration::HELP)]
+    file: ChannelFile,
     /// JSON instead of a table; one document for each ray file.
     #[arg(long)]
     json: bool,
@@ -25,21 +27,22 @@ pub struct Arguments {
 /// # Errors
 /// A file that cannot be read or is refused; the others in the same packed file are printed all the same.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let found = file::find(&arguments.file)?;
+    let (found, declared, notices) = arguments.file.find()?;
     for (name, error) in &found.left_out {
         eprintln!("left out {name} ({}): {error}", error.code());
     }
     let mut failed = None;
     for input in found.open_all() {
-        if let Some(earlier) = input.and_then(|input| one(arguments, &input)).err().and_then(|new| failed.replace(new))
-        {
+        let inspected =
+            input.and_then(|input| one(arguments, &Input { declared: declared.clone(), ..input }, &notices));
+        if let Some(earlier) = inspected.err().and_then(|new| failed.replace(new)) {
             eprintln!("{earlier}");
         }
     }
     failed.map_or(Ok(()), Err)
 }
 
-fn one(arguments: &Arguments, input: &Input) -> Result<(), Failure> {
+fn one(arguments: &Arguments, input: &Input, notices: &[Notice]) -> Result<(), Failure> {
     let progress = Progress::start();
     let inspected = pipeline::inspect(input, &Limits::default(), &progress);
     progress.finish();
@@ -58,6 +61,7 @@ fn one(arguments: &Arguments, input: &Input) -> Result<(), Failure> {
         ray_rows(&mut table, &inspection);
         check_rows(&mut table, &inspection);
         notice_rows(&mut table, &inspection.notices);
+        notice_rows(&mut table, notices);
         print!("{table}");
     }
     Ok(())

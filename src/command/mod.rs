@@ -9,6 +9,8 @@ mod file;
 mod progress;
 /// Values that several verbs read from their arguments.
 mod argument;
+/// A ray file and what its user says of it, as one argument.
+mod declaration;
 /// Aligned text for people.
 mod table;
 /// The stores of a service, for who looks after it.

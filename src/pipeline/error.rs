@@ -30,7 +30,7 @@ pub struct Fault {
     pub code: &'static str,
     /// What was found; a sentence.
     pub found: String,
-    /// Byte offset in the file, or the name of the option.
+    /// Byte offset in the file, the name of the option, or a field of a declaration.
     pub at: Option<Place>,
     /// What to do; a sentence.
     pub remedy: String,
@@ -45,6 +45,10 @@ pub enum Place {
     Ray(u64),
     /// Path of an option, dots between names.
     Option(&'static str),
+    /// What was declared of a channel: its place in the source, from 0, and the field.
+    Channel(usize, &'static str),
+    /// The declared total of the source.
+    Total,
 }
 
 impl fmt::Display for Place {
@@ -53,6 +57,8 @@ impl fmt::Display for Place {
             Place::Byte(offset) => write!(f, "byte {offset}"),
             Place::Ray(index) => write!(f, "ray {index}"),
             Place::Option(path) => write!(f, "options.{path}"),
+            Place::Channel(index, field) => write!(f, "channels[{index}].{field}"),
+            Place::Total => write!(f, "total"),
         }
     }
 }
@@ -94,6 +100,16 @@ impl Error {
         Error::Unusable(Fault { at: Some(Place::Option(option)), ..Fault::new(code, found, remedy) })
     }
 
+    /// What was declared of the source cannot be used.
+    pub fn undeclarable(
+        code: &'static str,
+        place: Place,
+        found: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Error {
+        Error::Unusable(Fault { at: Some(place), ..Fault::new(code, found, remedy) })
+    }
+
     /// The same error, at a byte offset.
     pub fn at_byte(self, offset: u64) -> Error {
         self.at(Place::Byte(offset))
@@ -102,6 +118,22 @@ impl Error {
     /// The same error, at a ray.
     pub fn at_ray(self, index: u64) -> Error {
         self.at(Place::Ray(index))
+    }
+
+    /// The same error, at what was declared of a channel.
+    pub fn at_channel(self, index: usize, field: &'static str) -> Error {
+        self.at(Place::Channel(index, field))
+    }
+
+    /// The same error; where it names a field of a declaration, that of channel `index`.
+    pub fn of_channel(self, index: usize) -> Error {
+        match &self {
+            Error::Malformed(fault) | Error::Refused(fault) | Error::Unusable(fault) => match fault.at {
+                Some(Place::Channel(_, field)) => self.at_channel(index, field),
+                _ => self,
+            },
+            _ => self,
+        }
     }
 
     fn at(self, place: Place) -> Error {

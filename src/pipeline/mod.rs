@@ -23,14 +23,17 @@ pub mod artifacts;
 pub use artifacts::{Artifact, IesEdition, Spectra};
 pub use error::{Error, Fault, Place};
 pub use hull::Emission;
+pub use rays::channels::Claims;
 pub use rays::container::{Content, Member, Packing, packing, unpack};
-pub use rays::declared::{Column, Declared, FluxOverride};
+pub use rays::declared::{Column, Declared, FluxOverride, Total};
 pub use rays::inspect::checks::{Check, Verdict};
 pub use rays::inspect::{Header, Inspection};
+pub use rays::spectrum_file::{MAX_BYTES as MAX_SPECTRUM_BYTES, SpectrumFile};
 pub use rays::{Bytes, Format, Input};
 pub use vocabulary::limits::Limits;
 pub use vocabulary::notice::Notice;
 pub use vocabulary::space::Axis;
+pub use vocabulary::spectrum::Table;
 pub use vocabulary::units::{LengthUnit, Quantity};
 pub use vocabulary::watch::{Stage, Unwatched, Watch};
 
@@ -114,6 +117,23 @@ pub fn peek(prefix: &[u8], length: Option<u64>, limits: &Limits) -> Result<Optio
 /// [`Error::Malformed`], [`Error::Refused`], [`Error::Unreadable`].
 pub fn header(input: &Input, limits: &Limits) -> Result<Header, Error> {
     rays::inspect::header(input, limits)
+}
+
+/// Whether files can be one source, as their headers tell: what [`run`] would refuse before it reads a ray. Each file is its
+/// name, its SHA-256, what its header claims and what was declared of it.
+///
+/// # Errors
+/// [`Error::Refused`], [`Error::Unusable`], at the channel and the field.
+pub fn judge(files: &[(&str, &str, &Claims, &Declared)], total: Option<Total>) -> Result<(), Error> {
+    rays::channels::judge_claims(files, total)
+}
+
+/// Reads a spectrum file.
+///
+/// # Errors
+/// [`Error::Malformed`], [`Error::Refused`].
+pub fn spectrum(bytes: &[u8]) -> Result<SpectrumFile, Error> {
+    rays::spectrum_file::parse(bytes)
 }
 
 /// Reads a file once and tells what is in it: what users want to know before they want the model.

@@ -37,7 +37,7 @@ use access::rate::RateLimit;
 use access::{DEFAULT_TENANT, Door, keys};
 use api::Api;
 use axum::Router;
-use jobs::options::JobOptions;
+use jobs::channels::NewJob;
 use jobs::queue::{self, Queue};
 use jobs::worker::{Runner, Worker, pipeline_runner};
 use metrics::Metrics;
@@ -222,8 +222,7 @@ impl Service {
         let taken = self.api.intake.take(DEFAULT_TENANT, announcement, ReaderStream::new(reader)).await?;
         let mut submitted = Vec::new();
         for ray_set in taken.ray_sets.into_iter().map(|ray_set| ray_set.id) {
-            let job =
-                self.api.queue.enqueue(DEFAULT_TENANT, std::slice::from_ref(&ray_set), &JobOptions::default()).await?;
+            let job = self.api.queue.enqueue(DEFAULT_TENANT, &NewJob::of(&ray_set)).await?;
             submitted.push(Submitted { ray_set, job });
         }
         Ok(submitted)

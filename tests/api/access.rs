@@ -45,6 +45,7 @@ fn operations() -> Vec<Operation> {
 /// What one tenant has: an id for every placeholder of the contract.
 struct Things {
     ray_set: String,
+    spectrum: String,
     job: String,
 }
 
@@ -54,6 +55,7 @@ impl Things {
         let kind = path.split('/').nth(2).unwrap_or_default();
         let id = match kind {
             "ray-sets" => &self.ray_set,
+            "spectra" => &self.spectrum,
             "jobs" => &self.job,
             _ => "",
         };
@@ -68,8 +70,9 @@ impl Things {
     /// A body that names these things, where an operation takes one.
     fn body(&self, operation: &str) -> Body {
         match operation {
-            "create_job" => json!({ "ray_sets": [self.ray_set] }).to_string().into(),
+            "create_job" => json!({ "channels": [{"ray_set": self.ray_set}] }).to_string().into(),
             "upload_ray_set" => crate::rays::zemax(3).into(),
+            "upload_spectrum" => SPECTRUM.into(),
             _ => Body::empty(),
         }
     }
@@ -81,15 +84,18 @@ impl Things {
     }
 }
 
-/// A site where the tenant `lab` has a ray set and a job that has succeeded.
+const SPECTRUM: &str = "500 0\n550 1\n600 0\n";
+
+/// A site where the tenant `lab` has a ray set, a spectrum and a job that has succeeded.
 async fn lab() -> (Site, Things) {
     let mut site = Site::start_as(with_keys, prompt()).await;
     site.key = Some(site.key_of("lab", &Scope::OF_A_TENANT).await);
     let ray_set = site.ray_set().await;
+    let spectrum = site.ask(Method::POST, "/v1/spectra", &[], SPECTRUM).await.id();
     let job = site.job(&ray_set).await;
     site.until_state(&job, "succeeded").await;
     site.key = None;
-    (site, Things { ray_set, job })
+    (site, Things { ray_set, spectrum, job })
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -150,8 +156,9 @@ async fn every_route_asks_for_a_key_that_is_good_and_for_this() {
 async fn another_tenant_finds_nothing_on_any_route() {
     let (site, things) = lab().await;
     let stranger = format!("Bearer {}", site.key_of("shop", &Scope::ALL).await);
-    let nothing = Things { ray_set: NOBODY.into(), job: NOBODY.into() };
-    let rows = "SELECT id, state, cancel_requested FROM jobs UNION ALL SELECT id, name, 0 FROM ray_sets ORDER BY 1";
+    let nothing = Things { ray_set: NOBODY.into(), spectrum: NOBODY.into(), job: NOBODY.into() };
+    let rows = "SELECT id, state, cancel_requested FROM jobs UNION ALL SELECT id, name, 0 FROM ray_sets \
+                UNION ALL SELECT id, name, 0 FROM spectra ORDER BY 1";
     let told = async |site: &Site| {
         let rows = site.rows(sql(rows)).await;
         rows.iter().map(|row| (row.text("id").unwrap(), row.text("state").unwrap())).collect::<Vec<_>>()
@@ -170,15 +177,17 @@ async fn another_tenant_finds_nothing_on_any_route() {
         assert_eq!(theirs.status, StatusCode::NOT_FOUND, "{}: {theirs:?}", operation.id);
         // Nothing tells a thing of another tenant from no thing.
         let text = String::from_utf8(theirs.body).unwrap();
-        let text = text.replace(&things.ray_set, NOBODY).replace(&things.job, NOBODY);
+        let text = text.replace(&things.ray_set, NOBODY).replace(&things.spectrum, NOBODY).replace(&things.job, NOBODY);
         assert_eq!(text, String::from_utf8(nobodys.body).unwrap(), "{}", operation.id);
     }
     // What names no thing lists none of another's, or makes one's own, or counts the whole service.
-    assert_eq!(without_id, ["metrics", "list_jobs", "list_ray_sets", "upload_ray_set"], "say here what these do");
-    for list in ["/v1/jobs", "/v1/ray-sets", "/v1/jobs?state=succeeded"] {
+    let known = ["metrics", "list_jobs", "list_ray_sets", "upload_ray_set", "list_spectra", "upload_spectrum"];
+    assert_eq!(without_id, known, "say here what these do");
+    for list in ["/v1/jobs", "/v1/ray-sets", "/v1/spectra", "/v1/jobs?state=succeeded"] {
         let reply = site.ask(Method::GET, list, &[("authorization", &stranger)], Body::empty()).await;
         let text = String::from_utf8(reply.body).unwrap();
         assert!(!text.contains(&things.job) && !text.contains(&things.ray_set), "{list}: {text}");
+        assert!(!text.contains(&things.spectrum), "{list}: {text}");
     }
     assert_eq!((told(&site).await, site.blobs()), (before, blobs), "a stranger changed something");
 }
@@ -188,6 +197,8 @@ async fn tenants_work_side_by_side() {
     let (mut site, things) = lab().await;
     site.key = Some(site.key_of("shop", &Scope::OF_A_TENANT).await);
     let ray_set = site.ray_set().await;
+    let borrowed = json!({ "channels": [{"ray_set": ray_set, "spectrum": {"id": things.spectrum}}] });
+    site.post("/v1/jobs", &borrowed).await.is_problem(404, "spectrum.not_found");
     let job = site.job(&ray_set).await;
     site.until_state(&job, "succeeded").await;
     assert_eq!(site.get("/v1/jobs").await.json()["jobs"].as_array().unwrap().len(), 1);
@@ -272,7 +283,7 @@ async fn a_tenant_queues_and_runs_no_more_jobs_than_its_quota() {
     let running = site.job(&ray_set).await;
     site.until_state(&running, "running").await;
     let waiting = [site.job(&ray_set).await, site.job(&ray_set).await];
-    let one_more = json!({ "ray_sets": [ray_set] });
+    let one_more = json!({ "channels": [{"ray_set": ray_set}] });
     let refused = site.post("/v1/jobs", &one_more).await;
     refused.is_problem(429, "quota.queued_jobs");
     assert_eq!(refused.header("retry-after"), "10");

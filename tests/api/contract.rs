@@ -47,19 +47,23 @@ fn the_contract_says_how_everything_can_fail() {
         "create_job",
         "delete_job",
         "delete_ray_set",
+        "delete_spectrum",
         "get_artifact",
         "get_far_field_drawing",
         "get_job",
         "get_origins_drawing",
         "get_ray_set",
+        "get_spectrum",
         "get_zip",
         "health",
         "list_artifacts",
         "list_jobs",
         "list_ray_sets",
+        "list_spectra",
         "metrics",
         "ready",
         "upload_ray_set",
+        "upload_spectrum",
     ];
     assert_eq!(operations.iter().map(String::as_str).collect::<Vec<_>>(), expected);
     // Every reference leads somewhere.

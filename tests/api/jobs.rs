@@ -3,7 +3,7 @@ use crate::site::{Site, on_engines};
 use axum::http::StatusCode;
 use lampwright::service::Config;
 use lampwright::service::access::quota::Quota;
-use lampwright::service::jobs::options::JobOptions;
+use lampwright::service::jobs::channels::NewJob;
 use lampwright::service::jobs::queue::{Claim, Queue};
 use lampwright::service::jobs::{Failure, State, TRANSITIONS};
 use lampwright::service::storage::Storage;
@@ -113,7 +113,7 @@ async fn what_is_in_use_cannot_be_deleted() {
     assert_eq!(site.delete(&format!("/v1/ray-sets/{ray_set}")).await.status, StatusCode::NO_CONTENT);
     // An ended job outlives its ray set, with all it gave.
     assert_eq!(site.get(&format!("/v1/jobs/{running}/model.zip")).await.status, StatusCode::OK);
-    assert_eq!(site.get(&format!("/v1/jobs/{running}")).await.json()["ray_sets"], json!([ray_set]));
+    assert_eq!(site.get(&format!("/v1/jobs/{running}")).await.json()["channels"], json!([{ "ray_set": ray_set }]));
     assert_eq!(site.delete(&format!("/v1/jobs/{queued}")).await.status, StatusCode::NO_CONTENT);
     assert_eq!(site.delete(&format!("/v1/jobs/{running}")).await.status, StatusCode::NO_CONTENT);
     assert!(site.blobs().is_empty());
@@ -180,7 +180,7 @@ async fn only_the_transitions_of_the_table_happen() {
         for change in ["claim", "cancel", "beat", "finish", "fail", "stop", "release", "retry", "sweep"] {
             for (cancel, attempt, expired) in [(0, 1, 0), (1, 1, 0), (0, 3, 1), (1, 1, 1), (0, 1, 1)] {
                 storage.records.write(sql("DELETE FROM jobs")).await.unwrap();
-                let id = ours.enqueue("default", &["r".into()], &JobOptions::default()).await.unwrap();
+                let id = ours.enqueue("default", &NewJob::of("r")).await.unwrap();
                 let set = "UPDATE jobs SET state = $1, fence = 7, attempt = $2, cancel_requested = $3, lease_owner = 'gone', \
                            lease_until_ms = CASE WHEN $1 = 'queued' THEN NULL WHEN $4 = 1 THEN 0 ELSE {now} + 60000 END \
                            WHERE id = $5";
@@ -226,7 +226,7 @@ async fn options_left_out_are_told_as_null_and_stored_as_sent() {
     let id = site.ray_set().await;
     let bands = json!([400.1, 500.2, 600.300_000_000_000_1]);
     let sent = json!({"rays": {"band_edges_nm": bands}, "artifacts": {"ies_edition": "LM-63-2019", "spectra": "both"}});
-    let job = site.post("/v1/jobs", &json!({"ray_sets": [id], "options": sent})).await.json();
+    let job = site.post("/v1/jobs", &json!({"channels": [{"ray_set": id}], "options": sent})).await.json();
     assert_eq!(job["options"]["rays"]["band_edges_nm"], bands);
     assert_eq!(job["options"]["artifacts"], json!({"ies_edition": "LM-63-2019", "spectra": "both"}));
     assert_eq!(job["options"]["hull"], json!({"emission": null, "resolution": null, "max_edge_mm": null}));

@@ -30,6 +30,8 @@ mod upkeep;
 mod requests;
 /// What an upload answers of its rays.
 mod inspections;
+/// Spectra, and what is said of channels.
+mod channels;
 /// Queue, cancellation, deletion, pages.
 mod jobs;
 /// What processes and stores do to jobs.

@@ -111,7 +111,7 @@ async fn it_stops_in_order() {
     stop.send(()).unwrap();
     site.until(&running, |_| asked.elapsed() > Duration::from_millis(100)).await;
     site.get("/readyz").await.is_problem(503, "service.stopping");
-    site.post("/v1/jobs", &json!({ "ray_sets": [ray_set] })).await.is_problem(503, "service.stopping");
+    site.post("/v1/jobs", &json!({ "channels": [{"ray_set": ray_set}] })).await.is_problem(503, "service.stopping");
     site.upload(crate::rays::zemax(3)).await.is_problem(503, "service.stopping");
     serving.await.unwrap().unwrap();
     assert!(asked.elapsed() >= Duration::from_millis(400) && asked.elapsed() < Duration::from_secs(3));

@@ -16,11 +16,13 @@ async fn an_unknown_field_is_named_by_its_path() {
     let site = Site::start(prompt()).await;
     let id = site.ray_set().await;
     let cases = [
-        (json!({"ray_sets": [id], "option": {}}), "option"),
-        (json!({"ray_sets": [id], "options": {"hul": {}}}), "options.hul"),
-        (json!({"ray_sets": [id], "options": {"hull": {"max_edge": 1}}}), "options.hull.max_edge"),
+        (json!({"channels": [{"ray_set": id}], "option": {}}), "option"),
+        (json!({"ray_sets": [id]}), "ray_sets"),
+        (json!({"channels": [{"ray_set": id, "weight": 1}]}), "channels[0].weight"),
+        (json!({"channels": [{"ray_set": id}], "options": {"hul": {}}}), "options.hul"),
+        (json!({"channels": [{"ray_set": id}], "options": {"hull": {"max_edge": 1}}}), "options.hull.max_edge"),
         (
-            json!({"ray_sets": [id], "options": {"goniogram": {"zones": {"columns": 1, "rows": 1, "x": 1}}}}),
+            json!({"channels": [{"ray_set": id}], "options": {"goniogram": {"zones": {"columns": 1, "rows": 1, "x": 1}}}}),
             "options.goniogram.zones.x",
         ),
     ];
@@ -37,23 +39,38 @@ async fn a_wrong_type_is_named_by_its_path() {
     let site = Site::start(prompt()).await;
     let id = site.ray_set().await;
     let cases = [
-        (json!({"ray_sets": id}), "ray_sets"),
-        (json!({"ray_sets": [1]}), "ray_sets[0]"),
-        (json!({"ray_sets": [id], "options": 1}), "options"),
-        (json!({"ray_sets": [id], "options": []}), "options"),
-        (json!([[id]]), "body"),
-        (json!({"ray_sets": [id], "options": {"goniogram": {"zones": [4, 4]}}}), "options.goniogram.zones"),
-        (json!({"ray_sets": [id], "options": {"hull": {"resolution": "64"}}}), "options.hull.resolution"),
-        (json!({"ray_sets": [id], "options": {"hull": {"resolution": -1}}}), "options.hull.resolution"),
-        (json!({"ray_sets": [id], "options": {"hull": {"resolution": 1e99}}}), "options.hull.resolution"),
-        (json!({"ray_sets": [id], "options": {"hull": {"emission": "magic"}}}), "options.hull.emission"),
+        (json!({"channels": id}), "channels"),
+        (json!({"channels": [id]}), "channels[0]"),
+        (json!({"channels": [[id]]}), "channels[0]"),
+        (json!({"channels": [{"ray_set": 1}]}), "channels[0].ray_set"),
+        (json!({"channels": [{"ray_set": id, "length_unit": "yd"}]}), "channels[0].length_unit"),
+        (json!({"channels": [{"ray_set": id, "flux": {"radiant_w": "1"}}]}), "channels[0].flux.radiant_w"),
+        (json!({"channels": [{"ray_set": id, "spectrum": {"nm_value": [[1]]}}]}), "channels[0].spectrum.nm_value[0]"),
+        (json!({"channels": [{"ray_set": id}], "total": 5}), "total"),
+        (json!({"channels": [{"ray_set": id}], "options": 1}), "options"),
+        (json!({"channels": [{"ray_set": id}], "options": []}), "options"),
+        (json!([[{ "ray_set": id }]]), "body"),
         (
-            json!({"ray_sets": [id], "options": {"rays": {"band_edges_nm": [380, "x"]}}}),
+            json!({"channels": [{"ray_set": id}], "options": {"goniogram": {"zones": [4, 4]}}}),
+            "options.goniogram.zones",
+        ),
+        (json!({"channels": [{"ray_set": id}], "options": {"hull": {"resolution": "64"}}}), "options.hull.resolution"),
+        (json!({"channels": [{"ray_set": id}], "options": {"hull": {"resolution": -1}}}), "options.hull.resolution"),
+        (json!({"channels": [{"ray_set": id}], "options": {"hull": {"resolution": 1e99}}}), "options.hull.resolution"),
+        (json!({"channels": [{"ray_set": id}], "options": {"hull": {"emission": "magic"}}}), "options.hull.emission"),
+        (
+            json!({"channels": [{"ray_set": id}], "options": {"rays": {"band_edges_nm": [380, "x"]}}}),
             "options.rays.band_edges_nm[1]",
         ),
-        (json!({"ray_sets": [id], "options": {"flux": {"smoothing": 1}}}), "options.flux.smoothing"),
-        (json!({"ray_sets": [id], "options": {"goniogram": {"nadir_axis": "Z"}}}), "options.goniogram.nadir_axis"),
-        (json!({"ray_sets": [id], "options": {"artifacts": {"ies_edition": "2002"}}}), "options.artifacts.ies_edition"),
+        (json!({"channels": [{"ray_set": id}], "options": {"flux": {"smoothing": 1}}}), "options.flux.smoothing"),
+        (
+            json!({"channels": [{"ray_set": id}], "options": {"goniogram": {"nadir_axis": "Z"}}}),
+            "options.goniogram.nadir_axis",
+        ),
+        (
+            json!({"channels": [{"ray_set": id}], "options": {"artifacts": {"ies_edition": "2002"}}}),
+            "options.artifacts.ies_edition",
+        ),
     ];
     for (body, path) in cases {
         let reply = site.post("/v1/jobs", &body).await;
@@ -61,7 +78,7 @@ async fn a_wrong_type_is_named_by_its_path() {
         assert_eq!(reply.json()["at"], path, "{}", reply.json());
     }
     site.post("/v1/jobs", &json!({})).await.is_problem(422, "request.missing_field");
-    let zones = json!({"ray_sets": [id], "options": {"goniogram": {"zones": {"columns": 1}}}});
+    let zones = json!({"channels": [{"ray_set": id}], "options": {"goniogram": {"zones": {"columns": 1}}}});
     site.post("/v1/jobs", &zones).await.is_problem(422, "request.missing_field");
     nothing_queued(&site).await;
 }
@@ -90,7 +107,7 @@ async fn what_no_ray_set_could_make_right_is_refused_at_once() {
     let with = |path: &str, value: &Value| {
         let mut parts = path.split('.');
         let (stage, option) = (parts.next().unwrap(), parts.next().unwrap());
-        json!({"ray_sets": [id], "options": {stage: {option: value}}})
+        json!({"channels": [{"ray_set": id}], "options": {stage: {option: value}}})
     };
     for (path, wrong, _) in &cases {
         let reply = site.post("/v1/jobs", &with(path, wrong)).await;
@@ -98,10 +115,12 @@ async fn what_no_ray_set_could_make_right_is_refused_at_once() {
         assert_eq!(reply.status, StatusCode::UNPROCESSABLE_ENTITY, "{wrong}");
         assert_eq!(reply.json()["at"], format!("options.{path}"), "{wrong}");
     }
-    let axes = json!({"ray_sets": [id], "options": {"goniogram": {"nadir_axis": "-Z", "c0_axis": "+Z"}}});
+    let axes = json!({"channels": [{"ray_set": id}], "options": {"goniogram": {"nadir_axis": "-Z", "c0_axis": "+Z"}}});
     assert_eq!(site.post("/v1/jobs", &axes).await.json()["at"], "options.goniogram.c0_axis");
-    for sets in [json!([]), json!([id, id]), json!(["1", "2", "3", "4", "5", "6", "7", "8", "9"])] {
-        site.post("/v1/jobs", &json!({ "ray_sets": sets })).await.is_problem(422, "request.out_of_range");
+    for channels in [json!([]), json!(vec![json!({"ray_set": id, "flux": {"radiant_w": 1}}); 9])] {
+        let reply = site.post("/v1/jobs", &json!({ "channels": channels })).await;
+        reply.is_problem(422, "request.out_of_range");
+        assert_eq!(reply.json()["at"], "channels");
     }
     nothing_queued(&site).await;
     // The nearest right value is taken.
@@ -118,7 +137,7 @@ async fn a_body_that_is_not_json_is_said_to_be_none() {
     };
     let problem = |status: u16, code: &str| (status, code.to_owned());
     let json = [("content-type", "application/json")];
-    for broken in ["", "{", "{]", "[1,", "nul", "{} {}", "{\"ray_sets\": []} x", "\u{feff}{}"] {
+    for broken in ["", "{", "{]", "[1,", "nul", "{} {}", "{\"channels\": []} x", "\u{feff}{}"] {
         assert_eq!(post(&json, broken).await, problem(400, "request.malformed_json"), "{broken:?}");
     }
     assert_eq!(post(&[], "{}").await, problem(415, "request.media_type"));
@@ -143,11 +162,15 @@ async fn what_is_not_there_is_not_found() {
         site.get(&format!("{job}/model.zip")).await.is_problem(404, "job.not_found");
         site.get(&format!("/v1/ray-sets/{id}")).await.is_problem(404, "ray_set.not_found");
         site.delete(&format!("/v1/ray-sets/{id}")).await.is_problem(404, "ray_set.not_found");
+        site.get(&format!("/v1/spectra/{id}")).await.is_problem(404, "spectrum.not_found");
+        site.delete(&format!("/v1/spectra/{id}")).await.is_problem(404, "spectrum.not_found");
     }
-    site.post("/v1/jobs", &json!({ "ray_sets": [nobody] })).await.is_problem(404, "ray_set.not_found");
+    site.post("/v1/jobs", &json!({ "channels": [{"ray_set": nobody}] })).await.is_problem(404, "ray_set.not_found");
     // One that is there does not help one that is not, and leaves no half of a job.
     let id = site.ray_set().await;
-    site.post("/v1/jobs", &json!({ "ray_sets": [id, nobody] })).await.is_problem(404, "ray_set.not_found");
+    site.post("/v1/jobs", &json!({ "channels": [{"ray_set": id}, {"ray_set": nobody}] }))
+        .await
+        .is_problem(404, "ray_set.not_found");
     nothing_queued(&site).await;
     for path in ["/v1", "/v1/job", "/v2/jobs", "/v1/jobs/", "/docs/no.js", "/docs/../Cargo.toml"] {
         site.get(path).await.is_problem(404, "request.not_found");
@@ -181,7 +204,7 @@ async fn a_method_that_is_not_there_names_those_that_are() {
 async fn a_query_is_held_to_its_fields() {
     let gate = Gate::new();
     let site = Site::start(held(&gate)).await;
-    for list in ["/v1/jobs", "/v1/ray-sets"] {
+    for list in ["/v1/jobs", "/v1/ray-sets", "/v1/spectra"] {
         for (query, code) in [
             ("limit=0", "request.out_of_range"),
             ("limit=101", "request.out_of_range"),

@@ -25,7 +25,7 @@ async fn a_ray_file_becomes_artifacts() {
 
     let options =
         json!({"hull": {"resolution": 32}, "goniogram": {"zones": {"columns": 2, "rows": 3}, "c0_axis": "+X"}});
-    let accepted = site.post("/v1/jobs", &json!({"ray_sets": [id], "options": options})).await;
+    let accepted = site.post("/v1/jobs", &json!({"channels": [{"ray_set": id}], "options": options})).await;
     assert_eq!(accepted.status, StatusCode::ACCEPTED);
     let job = accepted.id();
     assert_eq!(accepted.header("location"), format!("/v1/jobs/{job}"));
@@ -109,7 +109,7 @@ async fn what_is_submitted_from_within_goes_the_same_way() {
     let submitted = service.submit("built in.dat", file.as_slice()).await.unwrap().pop().unwrap();
     assert!(!service.is_empty().await.unwrap());
     let job = site.until_state(&submitted.job, "succeeded").await;
-    assert_eq!(job["ray_sets"], json!([submitted.ray_set]));
+    assert_eq!(job["channels"], json!([{ "ray_set": submitted.ray_set }]));
     let ray_set = site.get(&format!("/v1/ray-sets/{}", submitted.ray_set)).await.json();
     assert_eq!((ray_set["name"].as_str(), ray_set["sha256"].as_str()), (Some("built in.dat"), Some(&*sha256(&file))));
 }
@@ -118,8 +118,9 @@ async fn what_is_submitted_from_within_goes_the_same_way() {
 async fn two_ray_sets_make_one_source() {
     let site = Site::start(prompt()).await;
     let ids = [site.upload(rays::zemax(5)).await.id(), site.upload(rays::zemax(6)).await.id()];
-    let job = site.post("/v1/jobs", &json!({ "ray_sets": ids })).await.id();
-    assert_eq!(site.until_state(&job, "succeeded").await["ray_sets"], json!(ids));
+    let channels = json!([{ "ray_set": ids[0] }, { "ray_set": ids[1] }]);
+    let job = site.post("/v1/jobs", &json!({ "channels": channels })).await.id();
+    assert_eq!(site.until_state(&job, "succeeded").await["channels"], channels);
     let read = String::from_utf8(site.get(&format!("/v1/jobs/{job}/artifacts/read.txt")).await.body).unwrap();
     let digests: Vec<&str> = read.lines().map(|line| line.split(' ').nth(1).unwrap()).collect();
     assert_eq!(digests, [sha256(&rays::zemax(5)), sha256(&rays::zemax(6))]);

@@ -41,14 +41,14 @@ impl Ledger {
         let path = "/v1/ray-sets?name=two-lobes.tm25ray";
         let answer = ask(address, "POST", path, &[("Content-Type", "application/octet-stream")], bytes).ok()?;
         assert!(answer.status == 201 || told_to_come_back(&answer), "{answer:?}");
-        let id = (answer.status == 201).then(|| answer.json()["id"].as_str().unwrap().to_owned())?;
+        let id = (answer.status == 201).then(|| answer.json()["ray_sets"][0]["id"].as_str().unwrap().to_owned())?;
         self.ray_sets.insert(id.clone(), sha256(bytes));
         Some(id)
     }
 
     /// Queues a job; its id, when it was taken.
     pub fn submit(&mut self, address: &str, ray_set: &str) -> Option<String> {
-        let body = json!({ "ray_sets": [ray_set] }).to_string();
+        let body = json!({ "channels": [{ "ray_set": ray_set }] }).to_string();
         let headers = [("Content-Type", "application/json")];
         let answer = ask(address, "POST", "/v1/jobs", &headers, body.as_bytes()).ok()?;
         assert!(answer.status == 202 || told_to_come_back(&answer), "{answer:?}");

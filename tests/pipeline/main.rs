@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "what a test stumbles over is its finding")]
 
 mod bad_input;
+mod channels;
 mod inspection;
 mod known_sources;
 mod prefixes;

@@ -30,7 +30,7 @@ fn read_with(files: &[Vec<u8>], options: &Options, watch: &dyn Watch) -> Result<
     read(&inputs, options, &Limits::default(), StageWatch::enter(watch, Stage::Rays)?)
 }
 
-fn read_all(files: Vec<Vec<u8>>) -> Result<Source, Error> {
+pub fn read_all(files: Vec<Vec<u8>>) -> Result<Source, Error> {
     read_with(&files, &Options::default(), &Unwatched)
 }
 
@@ -45,7 +45,7 @@ fn known(source: &KnownSource, rays: u64) -> Vec<u8> {
 }
 
 /// A TM-25 file without totals and with these rays.
-fn file(flags: Flags, spectral_id: SpectralId, tables: Vec<Vec<(f32, f32)>>, rays: &[RawRay]) -> Vec<u8> {
+pub fn file(flags: Flags, spectral_id: SpectralId, tables: Vec<Vec<(f32, f32)>>, rays: &[RawRay]) -> Vec<u8> {
     let header = Header { flags, spectral_id, ray_count: rays.len() as u64, ..Header::default() };
     let mut bytes = Vec::new();
     let preamble = Preamble::new(header, Spectra::new(tables), Additional::default());
@@ -58,16 +58,16 @@ fn file(flags: Flags, spectral_id: SpectralId, tables: Vec<Vec<(f32, f32)>>, ray
 }
 
 /// One good ray: 2 W or 2 lm at 555 nm, up.
-fn good() -> RawRay {
+pub fn good() -> RawRay {
     RawRay { direction: [0.0, 0.0, 1.0], radiant: 2.0, luminous: 2.0, wavelength_nm: 555.0, ..RawRay::default() }
 }
 
-const WATTS: Flags =
+pub const WATTS: Flags =
     Flags { radiant: true, wavelength: false, luminous: false, stokes: false, tristimulus: false, index: false };
-const LUMENS: Flags = Flags { radiant: false, luminous: true, ..WATTS };
+pub const LUMENS: Flags = Flags { radiant: false, luminous: true, ..WATTS };
 
 /// Rays, W, lm and columns of one pass, as `[count, W, lm, columns..]`.
-fn pass(source: &Source) -> Vec<f64> {
+pub fn pass(source: &Source) -> Vec<f64> {
     let watch = StageWatch::enter(&Unwatched, Stage::Flux).unwrap();
     let columns = source.spectral.column_count();
     let add = |total: &mut Vec<f64>, part: Vec<f64>| total.iter_mut().zip(part).for_each(|(sum, more)| *sum += more);
@@ -85,12 +85,12 @@ fn pass(source: &Source) -> Vec<f64> {
 }
 
 /// Rays seen and sums of W and lm of one pass.
-fn sums(source: &Source) -> (u64, f64, f64) {
+pub fn sums(source: &Source) -> (u64, f64, f64) {
     let sums = pass(source);
     (sums[0] as u64, sums[1], sums[2])
 }
 
-fn close(a: f64, b: f64, relative: f64) -> bool {
+pub fn close(a: f64, b: f64, relative: f64) -> bool {
     (a - b).abs() <= relative * b.abs()
 }
 
@@ -220,31 +220,6 @@ fn lumens_and_watts_follow_from_a_spectrum_and_from_nothing_else() {
     assert_eq!(refused(vec![file(lumens_per_ray, SpectralId::PerRay, vec![], &[infrared])]), "rays.too_many_refused");
 }
 
-#[test]
-fn files_of_different_kinds_become_one_source_or_say_why_not() {
-    let watts = file(WATTS, SpectralId::None, vec![], &[good()]);
-    let lumens = file(LUMENS, SpectralId::None, vec![], &[good()]);
-    assert_eq!(refused(vec![watts.clone(), lumens.clone()]), "rays.no_common_quantity");
-    // A table beside lumens without one: lumens are common, a spectrum is not.
-    let table = file(WATTS, SpectralId::OneTable, vec![vec![(555.0, 1.0)]], &[good()]);
-    let source = read_all(vec![table.clone(), lumens]).unwrap();
-    assert_eq!(source.flux.radiant_w, None);
-    assert!(close(source.flux.luminous_lm.unwrap(), 1366.0 + 2.0, 1e-9));
-    assert_eq!(sums(&source).1, 0.0);
-    assert_eq!((source.spectral.column_count(), source.notices.count_of("rays.no_common_spectrum")), (0, 1));
-    // A table beside wavelengths: one basis, bands add up.
-    let red = RawRay { wavelength_nm: 655.0, radiant: 3.0, ..good() };
-    let per_ray = file(Flags { wavelength: true, ..WATTS }, SpectralId::PerRay, vec![], &[red]);
-    let source = read_all(vec![table, per_ray]).unwrap();
-    let density = source.spectral.bands_w_per_nm(&pass(&source)[3..]);
-    let band = |nm: f64| density[source.spectral.bands.band(nm).unwrap()] * 10.0;
-    assert!(close(band(555.0), 2.0, 1e-12) && close(band(655.0), 3.0, 1e-12) && band(605.0) == 0.0);
-    // Indices run on over all files.
-    let watch = StageWatch::enter(&Unwatched, Stage::Flux).unwrap();
-    let indices = source.fold(watch, vec![], |rays| Ok(rays.iter().map(|r| r.index).collect::<Vec<_>>()), Vec::extend);
-    assert_eq!(indices.unwrap(), [0, 1]);
-}
-
 /// Rays are relative where the header has a total, whichever total it has; Zemax's header is not believed.
 #[test]
 fn the_headers_total_holds_in_tm25() {
@@ -340,7 +315,7 @@ fn bands_follow_the_rays_or_the_user() {
     assert_eq!(ends(&absurd), (380.0, 780.0, 40));
     assert_eq!(absurd.notices.count_of("rays.bands_not_widened"), 1);
     assert_eq!(absurd.notices.count_of("rays.outside_bands"), 1);
-    let options = |edges: &[f64]| Options { band_edges_nm: Some(edges.to_vec()) };
+    let options = |edges: &[f64]| Options { band_edges_nm: Some(edges.to_vec()), ..Options::default() };
     let asked = read_with(&[of(&[at(555.0), at(700.0)])], &options(&[500.0, 600.0, 650.0]), &Unwatched).unwrap();
     assert_eq!(pass(&asked), [2.0, 4.0, asked.flux.luminous_lm.unwrap(), 2.0, 0.0, 2.0]);
     assert_eq!(asked.notices.count_of("rays.outside_bands"), 1);
@@ -434,7 +409,7 @@ fn turned_sources_look_where_they_were_turned() {
 // ---- Real files ----
 
 /// A real file, or `None` (said aloud) where the folder is missing.
-fn real(name: &str) -> Option<Vec<u8>> {
+pub fn real(name: &str) -> Option<Vec<u8>> {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/rays").join(name);
     let bytes = std::fs::read(&path).ok();
     if bytes.is_none() {

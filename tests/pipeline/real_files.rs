@@ -115,7 +115,8 @@ fn every_file_is_what_is_written_of_it() {
         assert_eq!(set.facts.length_unit, row.unit, "{name}");
         if let Some((min, max)) = row.extent_mm {
             let off = |found: [f64; 3], expected: [f64; 3]| (0..3).any(|k| (found[k] - expected[k]).abs() > 2e-3);
-            assert!(!off(seen.origins_mm.min, min) && !off(seen.origins_mm.max, max), "{name}: {:?}", seen.origins_mm);
+            let origins = seen.origins_mm.unwrap();
+            assert!(!off(origins.min, min) && !off(origins.max, max), "{name}: {:?}", seen.origins_mm);
         }
         let codes: Vec<&str> = seen.notices.iter().map(|notice| notice.code).collect();
         assert_eq!(codes, row.notices, "{name}");

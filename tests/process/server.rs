@@ -69,7 +69,7 @@ impl Server {
     pub fn job_of(&self, name: &str, bytes: &[u8]) -> String {
         let ray_set = self.post(&format!("/v1/ray-sets?name={name}"), "application/octet-stream", bytes);
         assert_eq!(ray_set.status, 201, "{ray_set:?}");
-        let body = serde_json::json!({ "ray_sets": [ray_set.json()["ray_sets"][0]["id"]] }).to_string();
+        let body = serde_json::json!({ "channels": [{"ray_set": ray_set.json()["ray_sets"][0]["id"]}] }).to_string();
         let job = self.post("/v1/jobs", "application/json", body.as_bytes());
         assert_eq!(job.status, 202, "{job:?}");
         job.json()["id"].as_str().unwrap().to_owned()

@@ -227,7 +227,7 @@ impl Site {
 
     /// Queues a job; its id.
     pub async fn job(&self, ray_set: &str) -> String {
-        let reply = self.post("/v1/jobs", &json!({ "ray_sets": [ray_set] })).await;
+        let reply = self.post("/v1/jobs", &json!({ "channels": [{"ray_set": ray_set}] })).await;
         assert_eq!(reply.status, StatusCode::ACCEPTED, "{reply:?}");
         reply.id()
     }

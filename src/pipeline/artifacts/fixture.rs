@@ -7,11 +7,12 @@ use super::super::goniogram::intensity::Quality;
 use super::super::goniogram::{Goniogram, Goniograms, Lattice, SphereGrid, Zone};
 use super::super::hull::{Hull, Label};
 use super::super::model::{Model, Origin};
+use super::super::rays::Declared;
 use super::super::rays::source::{Columns, Spectral};
 use super::super::vocabulary::notice::Notices;
 use super::super::vocabulary::space::{Axis, Bounds, Frame};
 use super::super::vocabulary::spectrum::{Bands, lm_per_w};
-use super::super::vocabulary::units::Flux;
+use super::super::vocabulary::units::{Flux, LengthUnit};
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -75,11 +76,17 @@ fn origin(flux: Flux) -> Origin {
     let text = |name: &str, value: &str| (name.to_owned(), value.to_owned());
     Origin {
         name: "rectangle.tm25ray".to_owned(),
+        channel: "rectangle".to_owned(),
         sha256: "ab".repeat(32),
         byte_count: 4242,
         format: "IES TM-25",
         ray_count: 1001,
         rays_used: 1000,
+        flux,
+        fixed: None,
+        declared: Declared { name: Some("rectangle".to_owned()), ..Declared::default() },
+        length_unit: Some(LengthUnit::Millimetre),
+        spectrum: "table",
         header_flux: flux,
         ray_sum: flux,
         header_over_sum: Some(1.0),

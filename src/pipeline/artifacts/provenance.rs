@@ -2,6 +2,10 @@
 
 use super::super::Options as RunOptions;
 use super::super::model::{Model, Origin};
+use super::super::rays::declared::{Column, FluxOverride, Total};
+use super::super::rays::digest;
+use super::super::vocabulary::spectrum::Table;
+use super::super::vocabulary::units::{LengthUnit, Quantity};
 use serde::Serialize;
 
 /// The program's name, as artifacts say it.
@@ -35,9 +39,46 @@ pub struct InputFile<'a> {
     format: &'a str,
     ray_count: u64,
     rays_used: u64,
+    declared: DeclaredFacts,
 }
 
-/// Same inputs, options and version give the same bytes; these are they.
+/// What the user said of the file, and was obeyed in; null: nothing.
+#[derive(Serialize)]
+pub struct DeclaredFacts {
+    length_unit: Option<&'static str>,
+    quantity: Option<Quantity>,
+    columns: Option<Vec<Column>>,
+    flux: Option<FluxOverride>,
+    /// What the flux came to: itself, or its share of the source's total.
+    total: Option<Total>,
+    /// Wavelengths of the spectrum, nm.
+    spectrum_range_nm: Option<(f64, f64)>,
+    /// SHA-256 of its points as f64, little-endian, wavelength (nm) and value in turn.
+    spectrum_sha256: Option<String>,
+}
+
+impl DeclaredFacts {
+    /// Of a channel.
+    pub fn new(origin: &Origin) -> DeclaredFacts {
+        let declared = &origin.declared;
+        DeclaredFacts {
+            length_unit: declared.length_unit.map(LengthUnit::symbol),
+            quantity: declared.quantity,
+            columns: declared.columns.clone(),
+            flux: declared.flux,
+            total: origin.fixed,
+            spectrum_range_nm: declared.spectrum.as_ref().map(Table::range_nm),
+            spectrum_sha256: declared.spectrum.as_ref().and_then(table_sha256),
+        }
+    }
+}
+
+fn table_sha256(table: &Table) -> Option<String> {
+    let bytes: Vec<u8> = table.points().flat_map(|(nm, value)| [nm, value]).flat_map(f64::to_le_bytes).collect();
+    digest(&bytes).ok()
+}
+
+/// Same inputs, declarations, options and version give the same bytes; these are they.
 #[derive(Serialize)]
 pub struct Provenance<'a> {
     generator: Generator,
@@ -60,6 +101,7 @@ fn input_file(origin: &Origin) -> InputFile<'_> {
         format: origin.format,
         ray_count: origin.ray_count,
         rays_used: origin.rays_used,
+        declared: DeclaredFacts::new(origin),
     }
 }
 

@@ -6,11 +6,11 @@ use super::super::goniogram::Zone;
 use super::super::hull::Label;
 use super::super::model::{Model, Origin};
 use super::super::vocabulary::notice::Notice;
-use super::super::vocabulary::units::Flux;
+use super::super::vocabulary::units::{Flux, LengthUnit};
 use super::super::{Error, Options as RunOptions};
 use super::goniograms::{Box3, FrameFacts, LatticeFacts, QualityFacts};
 use super::number::{ARRAY_DIGITS, Numbers, sum};
-use super::provenance::{GENERATOR, Generator};
+use super::provenance::{DeclaredFacts, GENERATOR, Generator};
 use super::{Artifact, json};
 use serde::Serialize;
 
@@ -25,7 +25,7 @@ pub fn artifact(model: &Model, options: &RunOptions, notices: &[Notice]) -> Resu
     let report = Report {
         schema: "urn:lampwright:report:1",
         generator: GENERATOR,
-        inputs: model.origins.iter().map(InputFacts::new).collect(),
+        inputs: model.origins.iter().map(|origin| InputFacts::new(origin, &model.flux)).collect(),
         options,
         flux: FluxFacts::new(&model.flux),
         balance: BalanceFacts::new(&model.surface.balance),
@@ -67,11 +67,18 @@ impl FluxFacts {
 #[derive(Serialize)]
 struct InputFacts<'a> {
     name: &'a str,
+    channel: &'a str,
     sha256: &'a str,
     byte_count: u64,
     format: &'a str,
     ray_count: u64,
     rays_used: u64,
+    flux: FluxFacts,
+    /// Of the source's flux: W where the source's are known, else lm.
+    share: f64,
+    length_unit: Option<&'static str>,
+    spectrum: InputSpectrumFacts,
+    declared: DeclaredFacts,
     header_flux: FluxFacts,
     /// In W and lm, or in the file's own relative unit.
     ray_sum: FluxFacts,
@@ -85,15 +92,35 @@ struct Text<'a> {
     value: &'a str,
 }
 
+/// Where a channel's spectrum is from.
+#[derive(Serialize)]
+struct InputSpectrumFacts {
+    source: &'static str,
+    kind: &'static str,
+}
+
 impl<'a> InputFacts<'a> {
-    fn new(origin: &'a Origin) -> InputFacts<'a> {
+    fn new(origin: &'a Origin, source: &Flux) -> InputFacts<'a> {
         InputFacts {
             name: &origin.name,
+            channel: &origin.channel,
             sha256: &origin.sha256,
             byte_count: origin.byte_count,
             format: origin.format,
             ray_count: origin.ray_count,
             rays_used: origin.rays_used,
+            flux: FluxFacts::new(&origin.flux),
+            share: sum(origin.share_of(source)),
+            length_unit: origin.length_unit.map(LengthUnit::symbol),
+            spectrum: InputSpectrumFacts {
+                source: match (&origin.declared.spectrum, origin.spectrum) {
+                    (Some(_), _) => "declared",
+                    (None, "none") => "none",
+                    (None, _) => "file",
+                },
+                kind: origin.spectrum,
+            },
+            declared: DeclaredFacts::new(origin),
             header_flux: FluxFacts::new(&origin.header_flux),
             ray_sum: FluxFacts::new(&origin.ray_sum),
             header_over_sum: origin.header_over_sum.map(sum),

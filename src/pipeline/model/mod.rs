@@ -9,10 +9,10 @@ use super::Error;
 use super::flux::Surface;
 use super::goniogram::Goniograms;
 use super::hull::Hull;
-use super::rays::Source;
 use super::rays::source::{Channel, Spectral};
+use super::rays::{Declared, Source, Total};
 use super::vocabulary::notice::Notice;
-use super::vocabulary::units::Flux;
+use super::vocabulary::units::{Flux, LengthUnit};
 use super::vocabulary::watch::StageWatch;
 use serde::Serialize;
 
@@ -21,6 +21,8 @@ use serde::Serialize;
 pub struct Origin {
     /// What the user calls the file.
     pub name: String,
+    /// What the user calls the channel it is.
+    pub channel: String,
     /// SHA-256 of the file, lower-case hex.
     pub sha256: String,
     /// Bytes in the file.
@@ -31,6 +33,16 @@ pub struct Origin {
     pub ray_count: u64,
     /// Rays that went on after the check.
     pub rays_used: u64,
+    /// Total flux of the channel.
+    pub flux: Flux,
+    /// What its declared flux came to.
+    pub fixed: Option<Total>,
+    /// What was declared of it.
+    pub declared: Declared,
+    /// Length unit its positions were read in.
+    pub length_unit: Option<LengthUnit>,
+    /// What is known of its spectrum: "none", "table", …
+    pub spectrum: &'static str,
     /// Totals in the header.
     pub header_flux: Flux,
     /// Sum of the stored ray values (W and lm, or relative).
@@ -42,6 +54,12 @@ pub struct Origin {
 }
 
 impl Origin {
+    /// Share of the source's flux: of W where the source's are known, else of lm.
+    pub fn share_of(&self, source: &Flux) -> f64 {
+        let own = if source.radiant_w.is_some() { self.flux.radiant_w } else { self.flux.luminous_lm };
+        own.unwrap_or(0.0) / source.primary()
+    }
+
     fn of(channel: &Channel) -> Origin {
         let (facts, survey) = (channel.facts(), &channel.survey);
         let ray_sum = Flux {
@@ -50,12 +68,18 @@ impl Origin {
         };
         let ratio = |header: Option<f64>, sum: Option<f64>| Some(header? / sum.filter(|sum| *sum > 0.0)?);
         Origin {
-            name: channel.name.clone(),
+            name: channel.file.clone(),
+            channel: channel.name.clone(),
             sha256: channel.sha256.clone(),
             byte_count: channel.byte_count,
             format: facts.format.name(),
             ray_count: facts.ray_count,
             rays_used: survey.rays_used,
+            flux: channel.flux,
+            fixed: channel.fixed,
+            declared: channel.declared.clone(),
+            length_unit: facts.length_unit,
+            spectrum: facts.spectral.name(),
             header_flux: facts.header_flux,
             ray_sum,
             header_over_sum: ratio(facts.header_flux.radiant_w, ray_sum.radiant_w)

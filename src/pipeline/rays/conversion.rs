@@ -1,7 +1,9 @@
 //! From the numbers a file stores to W and lm. Nothing is guessed: what neither the rays nor a spectrum gives stays unknown.
 
+use super::super::error::{Error, Place};
 use super::super::vocabulary::spectrum::lm_per_w;
 use super::super::vocabulary::units::Flux;
+use super::declared::Total;
 use super::{Facts, RawRay, SpectralData, TotalRule};
 
 /// Rays and header agree to the rounding of their 32-bit numbers: the rays are in W or lm as they stand, and stay so to the
@@ -92,6 +94,23 @@ impl Conversion {
         self.radiant_scale = radiant.or(luminous).or(derived).unwrap_or(1.0);
         self.luminous_scale = luminous.or(radiant).or(derived).unwrap_or(1.0);
         self
+    }
+
+    /// Scaled once more, so that the total of these sums is `flux`; lm/W stays.
+    ///
+    /// # Errors
+    /// `rays.flux_dark` where there is nothing of that quantity to scale.
+    pub fn fixed(mut self, sums: &Sums, flux: Total) -> Result<Conversion, Error> {
+        let Some(own) = self.totals(sums).of(flux.quantity()).filter(|own| *own > 0.0 && own.is_finite()) else {
+            let unit = flux.quantity().unit();
+            let found = format!("The declared flux is {} {unit}, and the channel's light has no {unit}.", flux.value());
+            let remedy = "Declare its flux in the other quantity, or another spectrum.";
+            return Err(Error::undeclarable("rays.flux_dark", Place::Channel(0, "flux"), found, remedy));
+        };
+        let factor = flux.value() / own;
+        self.radiant_scale *= factor;
+        self.luminous_scale *= factor;
+        Ok(self)
     }
 
     /// Radiant flux is stored or follows from the spectrum.

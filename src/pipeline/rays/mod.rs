@@ -36,6 +36,8 @@ mod columns;
 mod column_names;
 /// What a user says of a file, before the file's own word.
 pub mod declared;
+/// The spectrum of a channel from a file of its own.
+pub mod spectrum_file;
 /// What a ray must satisfy.
 pub mod check;
 /// From stored numbers to W and lm.
@@ -44,10 +46,12 @@ mod conversion;
 mod chunks;
 /// One reading of everything: totals, box, directions, notices.
 pub mod survey;
-/// Which totals are known, and whether they can be meant.
+/// Whether totals can be meant.
 mod totals;
 /// Which spectral bands a source gets.
 mod bands;
+/// What several files must satisfy to be one source.
+pub mod channels;
 /// Several ray sets become one source; the only way to its rays.
 pub mod source;
 /// What can be said of a file before a model is made of it.
@@ -62,16 +66,16 @@ pub mod convert;
 pub mod synthetic;
 
 pub use bytes::digest;
-pub use declared::Declared;
+pub use declared::{Declared, Total};
 pub use source::{Ray, Source};
 
-use super::Error;
+use super::error::{Error, Place};
 use super::vocabulary::limits::Limits;
 use super::vocabulary::notice::Notices;
 use super::vocabulary::spectrum::Table;
 use super::vocabulary::units::{Flux, LengthUnit};
 use super::vocabulary::watch::StageWatch;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::io;
 use std::sync::Arc;
 
@@ -116,26 +120,36 @@ pub struct Input {
     pub declared: Declared,
 }
 
+impl Input {
+    /// What its channel is called.
+    pub fn channel_name(&self) -> &str {
+        self.declared.name.as_deref().unwrap_or(&self.name)
+    }
+}
+
 /// How rays are read.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Options {
     /// Edges of the spectral bands, nm, strictly increasing. Default: 380..780 in 10 nm, wider (at whole 10 nm) where the rays
     /// are.
     pub band_edges_nm: Option<Vec<f64>>,
+    /// Total flux of the source, of which every channel declares its share. Default: the channels' own fluxes hold.
+    pub total: Option<Total>,
 }
 
 impl Options {
-    /// Whether the bands can be made.
+    /// Whether the bands can be made and the total can be a flux.
     ///
     /// # Errors
     /// [`Error::Unusable`].
     pub fn validate(&self) -> Result<(), Error> {
+        self.total.map_or(Ok(()), |total| total.validate(Place::Total))?;
         bands::asked(self).map(|_| ())
     }
 }
 
 /// File formats we read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Format {
     /// IES TM-25-13 / -20.
     #[serde(rename = "IES TM-25")]
@@ -184,7 +198,7 @@ impl Format {
 }
 
 /// Which total is right (`FORMATS.md` 7).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TotalRule {
     /// The header's; ray values are relative.
@@ -209,6 +223,17 @@ pub enum SpectralData {
 }
 
 impl SpectralData {
+    /// What it is, in words.
+    pub fn name(&self) -> &'static str {
+        match self {
+            SpectralData::None => "none",
+            SpectralData::Table(_) => "table",
+            SpectralData::Wavelength => "wavelength per ray",
+            SpectralData::Tables(_) => "table per ray",
+            SpectralData::Tristimulus => "tristimulus",
+        }
+    }
+
     /// The tables, where the spectrum comes in tables.
     pub fn tables(&self) -> &[Table] {
         match self {

@@ -10,11 +10,12 @@ use super::super::vocabulary::spectrum::Bands;
 use super::super::vocabulary::units::Flux;
 use super::super::vocabulary::watch::StageWatch;
 use super::bands;
+use super::channels::{self, Candidate};
 use super::check::{self, Checked};
 use super::chunks;
 use super::conversion::Conversion;
 use super::survey::{Reading, Survey, survey};
-use super::{Facts, Input, Options, RawRay, RaySet, SpectralData, open, totals};
+use super::{Declared, Facts, Input, Options, RawRay, RaySet, SpectralData, Total, open, totals};
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -122,8 +123,10 @@ impl Spectral {
 
 /// One ray set within a source.
 pub struct Channel {
-    /// Where its bytes came from: name and digest.
+    /// What the user calls it.
     pub name: String,
+    /// Name of its file.
+    pub file: String,
     /// SHA-256 of the file, lower-case hex.
     pub sha256: String,
     /// Length of the file in bytes.
@@ -132,6 +135,10 @@ pub struct Channel {
     pub survey: Survey,
     /// Its own total flux.
     pub flux: Flux,
+    /// What was declared of it.
+    pub declared: Declared,
+    /// What its declared flux came to.
+    pub fixed: Option<Total>,
     /// Index of its first ray over all channels.
     first_index: u64,
     /// The file.
@@ -208,14 +215,16 @@ impl Source {
     /// # Errors
     /// As [`super::read`].
     pub fn read(inputs: &[Input], options: &Options, limits: &Limits, watch: StageWatch<'_>) -> Result<Source, Error> {
+        let declared: Vec<&Declared> = inputs.iter().map(|input| &input.declared).collect();
+        let fluxes = channels::fluxes(&declared, options.total)?;
         let sets = open_all(inputs, limits)?;
-        let known = totals::known(&sets)?;
+        let known = channels::judge(&candidates(inputs, &sets))?;
         let asked = bands::asked(options)?;
         let all: u64 = sets.iter().map(|set| set.facts.ray_count).sum();
         let mut notices = Notices::default();
         let (mut channels, mut first_index) = (Vec::new(), 0);
         let mut outside = Vec::new();
-        for (input, set) in inputs.iter().zip(sets) {
+        for ((input, set), flux) in inputs.iter().zip(sets).zip(fluxes) {
             let end = first_index + set.facts.ray_count;
             let done = |index: u64| index as f64 / all.max(1) as f64;
             let part = watch.part(done(first_index), done(end));
@@ -223,7 +232,9 @@ impl Source {
             notices.merge(&set.facts.notices);
             notices.merge(&reading.notices);
             outside.push(reading.outside);
-            channels.push(Channel::new(input, set, reading, first_index, known.radiant, &mut notices)?);
+            let channel = Channel::new(input, set, reading, flux, known.radiant, &mut notices);
+            let channel = channel.map_err(|error| error.of_channel(channels.len()))?;
+            channels.push(Channel { first_index, ..channel });
             first_index = end;
         }
         let mut whole = Survey::empty();
@@ -306,7 +317,20 @@ fn open_all(inputs: &[Input], limits: &Limits) -> Result<Vec<RaySet>, Error> {
         let found = "No ray file was given.";
         return Err(Error::unusable("rays.no_input", "inputs", found, "Name at least one."));
     }
-    inputs.iter().map(|input| open(Arc::clone(&input.bytes), &input.declared, limits)).collect()
+    let opened = |(index, input): (usize, &Input)| {
+        open(Arc::clone(&input.bytes), &input.declared, limits).map_err(|error| error.of_channel(index))
+    };
+    inputs.iter().enumerate().map(opened).collect()
+}
+
+fn candidates<'a>(inputs: &'a [Input], sets: &'a [RaySet]) -> Vec<Candidate<'a>> {
+    let candidate = |(input, set): (&'a Input, &'a RaySet)| Candidate {
+        name: input.channel_name(),
+        sha256: &input.sha256,
+        facts: &set.facts,
+        declared: &input.declared,
+    };
+    inputs.iter().zip(sets).map(candidate).collect()
 }
 
 impl Channel {
@@ -314,23 +338,33 @@ impl Channel {
         input: &Input,
         set: RaySet,
         reading: Reading,
-        first_index: u64,
+        fixed: Option<Total>,
         radiant: bool,
         notices: &mut Notices,
     ) -> Result<Channel, Error> {
-        let conversion = Conversion::of(&set.facts).scaled(&set.facts, &reading.sums);
-        let flux = conversion.totals(&reading.sums);
-        totals::judge(&set.facts, &reading.sums, &flux, notices)?;
+        let (facts, sums) = (&set.facts, &reading.sums);
+        let mut conversion = Conversion::of(facts).scaled(facts, sums);
+        if let Some(total) = fixed {
+            conversion = conversion.fixed(sums, total)?;
+        }
+        let flux = conversion.totals(sums);
+        match fixed {
+            None => totals::judge(facts, sums, &flux, notices)?,
+            Some(_) => totals::judge_declared(facts, sums, &flux, notices)?,
+        }
         let mut survey = reading.survey;
         let scale = conversion.scale(radiant);
         survey.directions.flux.iter_mut().for_each(|flux| *flux *= scale);
         Ok(Channel {
-            name: input.name.clone(),
+            name: input.channel_name().to_owned(),
+            file: input.name.clone(),
             sha256: input.sha256.clone(),
             byte_count: input.bytes.len(),
             survey,
             flux,
-            first_index,
+            declared: input.declared.clone(),
+            fixed,
+            first_index: 0,
             set,
             conversion,
             first_column: 0,
@@ -349,7 +383,11 @@ impl Spectral {
         let bare = |data: &SpectralData| matches!(data, SpectralData::None | SpectralData::Tristimulus);
         if !radiant || channels.iter().any(|channel| bare(&channel.set.facts.spectral)) {
             if !all(|data| matches!(data, SpectralData::None)) {
-                let told = "The ray sets have no spectral basis in common; the model is built without a spectrum.";
+                let without = channels.iter().find(|channel| bare(&channel.set.facts.spectral));
+                let told = format!(
+                    "The channels have no spectral basis in common{}; the model is built without a spectrum.",
+                    without.map_or(String::new(), |channel| format!(" ({:?} has none)", channel.name))
+                );
                 notices.add("rays.no_common_spectrum", told);
             }
             return Spectral { bands, columns: Columns::None };

@@ -1,11 +1,11 @@
-//! Which totals of a source are known, and whether they can be meant.
+//! Whether the totals of a source can be meant.
 
 use super::super::Error;
 use super::super::vocabulary::notice::Notices;
 use super::super::vocabulary::units::Flux;
-use super::conversion::{Conversion, Sums, header_lm_per_w};
+use super::conversion::{Sums, header_lm_per_w};
 use super::survey::Survey;
-use super::{Facts, RaySet, SpectralData, TotalRule};
+use super::{Facts, SpectralData, TotalRule};
 
 /// Header and rays differ by more than rounding of f32 sums.
 pub const RATIO_NOTICED: f64 = 1e-3;
@@ -13,45 +13,6 @@ pub const RATIO_NOTICED: f64 = 1e-3;
 pub const EFFICACY_NOTICED: f64 = 0.05;
 /// Boxes larger or smaller than this, mm, are seldom light sources but often wrong units.
 pub const LIKELY_SIZE_MM: (f64, f64) = (1e-3, 1e3);
-
-/// Which quantities every ray set of a source has.
-#[derive(Clone, Copy, Debug)]
-pub struct Known {
-    /// W are known: the quantity that weights rays.
-    pub radiant: bool,
-    /// lm are known.
-    pub luminous: bool,
-}
-
-/// What all of `sets` know.
-///
-/// # Errors
-/// `rays.no_common_quantity` when neither W nor lm is known of all.
-pub fn known(sets: &[RaySet]) -> Result<Known, Error> {
-    let all = |test: fn(&Conversion) -> bool| sets.iter().all(|set| test(&Conversion::of(&set.facts)));
-    let known = Known { radiant: all(Conversion::knows_radiant), luminous: all(Conversion::knows_luminous) };
-    if known.radiant || known.luminous {
-        return Ok(known);
-    }
-    Err(Error::refused(
-        "rays.no_common_quantity",
-        "Some of the ray sets are in W, others in lm, and their spectra do not allow to convert one into the other.",
-        "Use ray sets of one kind, or sets with a spectrum.",
-    ))
-}
-
-impl Known {
-    /// The channels' totals together; absent where one channel's is.
-    pub fn sum(&self, channels: impl Iterator<Item = Flux> + Clone) -> Flux {
-        let total = |known: bool, of: fn(&Flux) -> Option<f64>| {
-            known.then(|| channels.clone().map(|flux| of(&flux).unwrap_or(0.0)).sum())
-        };
-        Flux {
-            radiant_w: total(self.radiant, |flux| flux.radiant_w),
-            luminous_lm: total(self.luminous, |flux| flux.luminous_lm),
-        }
-    }
-}
 
 /// Ray sum over header total, of the quantity that is both stored per ray and in the header.
 pub fn ratio(facts: &Facts, sums: &Sums) -> Option<f64> {
@@ -65,15 +26,27 @@ pub fn ratio(facts: &Facts, sums: &Sums) -> Option<f64> {
 /// # Errors
 /// `rays.no_flux` when the total is not a positive number.
 pub fn judge(facts: &Facts, sums: &Sums, flux: &Flux, notices: &mut Notices) -> Result<(), Error> {
+    let rule = match facts.total_rule {
+        TotalRule::Header => "the header's total holds and the rays were scaled to it",
+        TotalRule::RaySum => "in this format the rays hold and the header was not believed",
+    };
+    judge_by(rule, facts, sums, flux, notices)
+}
+
+/// As [`judge`], where a declared flux holds and neither header nor rays do.
+///
+/// # Errors
+/// As [`judge`].
+pub fn judge_declared(facts: &Facts, sums: &Sums, flux: &Flux, notices: &mut Notices) -> Result<(), Error> {
+    judge_by("the declared flux holds", facts, sums, flux, notices)
+}
+
+fn judge_by(rule: &str, facts: &Facts, sums: &Sums, flux: &Flux, notices: &mut Notices) -> Result<(), Error> {
     if !(flux.primary() > 0.0 && flux.primary().is_finite()) {
         let found = format!("The total flux is {} {}.", flux.primary(), flux.primary_unit());
         return Err(Error::refused("rays.no_flux", found, "Export the file again with flux per ray."));
     }
     if let Some(ratio) = ratio(facts, sums).filter(|ratio| (ratio - 1.0).abs() > RATIO_NOTICED) {
-        let rule = match facts.total_rule {
-            TotalRule::Header => "the header's total holds and the rays were scaled to it",
-            TotalRule::RaySum => "in this format the rays hold and the header was not believed",
-        };
         notices.add("rays.total_ratio", format!("The rays sum to {ratio:.6} times the header's total; {rule}."));
     }
     judge_efficacy(facts, flux, notices);

@@ -130,8 +130,8 @@ impl Table {
         Some(Table { nm, weight, below, lm_per_w })
     }
 
-    /// Its points: nm, weight per nm.
-    pub fn points(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+    /// Its points, `(nm, weight per nm)`, by wavelength.
+    pub fn points(&self) -> impl ExactSizeIterator<Item = (f64, f64)> + '_ {
         self.nm.iter().copied().zip(self.weight.iter().copied())
     }
 

@@ -1,6 +1,6 @@
 //! Radiant and luminous flux.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Luminous efficacy of radiation at the peak of V(λ), lm/W (CIE 1924; 683.002 in the 2019 SI, rounded as every
 /// photometric standard does).
@@ -89,8 +89,26 @@ pub enum Quantity {
     Luminous,
 }
 
+impl Quantity {
+    /// Its unit.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Quantity::Radiant => "W",
+            Quantity::Luminous => "lm",
+        }
+    }
+
+    /// The other one.
+    pub fn other(self) -> Quantity {
+        match self {
+            Quantity::Radiant => Quantity::Luminous,
+            Quantity::Luminous => Quantity::Radiant,
+        }
+    }
+}
+
 /// A flux in both systems; `None` where it cannot be known without guessing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Flux {
     /// Radiant flux, W.
     pub radiant_w: Option<f64>,
@@ -103,6 +121,22 @@ impl Flux {
     /// Unit: [`Flux::primary_unit`].
     pub fn primary(&self) -> f64 {
         self.radiant_w.or(self.luminous_lm).unwrap_or(0.0)
+    }
+
+    /// The flux as `quantity`.
+    pub fn of(&self, quantity: Quantity) -> Option<f64> {
+        match quantity {
+            Quantity::Radiant => self.radiant_w,
+            Quantity::Luminous => self.luminous_lm,
+        }
+    }
+
+    /// A flux of which only one quantity is known.
+    pub fn only(quantity: Quantity, value: Option<f64>) -> Flux {
+        match quantity {
+            Quantity::Radiant => Flux { radiant_w: value, luminous_lm: None },
+            Quantity::Luminous => Flux { radiant_w: None, luminous_lm: value },
+        }
     }
 
     /// Unit of [`Flux::primary`].

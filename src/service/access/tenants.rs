@@ -32,7 +32,7 @@ pub fn is_name(name: &str) -> bool {
 pub async fn list(records: &Records) -> Result<Vec<Tenant>, Error> {
     let select = "SELECT known.id AS id, tenants.stored_bytes, tenants.queued_jobs, tenants.running_jobs FROM \
                   (SELECT id FROM tenants UNION SELECT tenant FROM api_keys \
-                   UNION SELECT tenant FROM ray_sets UNION SELECT tenant FROM jobs) known \
+                   UNION SELECT tenant FROM ray_sets UNION SELECT tenant FROM spectra UNION SELECT tenant FROM jobs) known \
                   LEFT JOIN tenants ON tenants.id = known.id ORDER BY known.id";
     records.read(sql(select)).await?.iter().map(tenant).collect()
 }

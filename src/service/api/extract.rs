@@ -27,11 +27,7 @@ impl<T: DeserializeOwned + Serialize, S: Send + Sync> FromRequest<S> for Body<T>
                 "Send JSON with Content-Type: application/json.",
             ));
         }
-        let bytes = match to_bytes(request.into_body(), MAX_JSON_BYTES).await {
-            Ok(bytes) => bytes,
-            Err(error) if is_length_limit(&error) => return Err(Problem::body_too_large(MAX_JSON_BYTES as u64)),
-            Err(error) => return Err(Problem::body_truncated(&error.to_string())),
-        };
+        let bytes = bytes_up_to(request.into_body(), MAX_JSON_BYTES).await?;
         let json: Value =
             serde_json::from_slice(&bytes).map_err(|error| Problem::malformed_json(format!("{error}.")))?;
         let value: T = serde_path_to_error::deserialize(&json)
@@ -44,10 +40,25 @@ impl<T: DeserializeOwned + Serialize, S: Send + Sync> FromRequest<S> for Body<T>
     }
 }
 
+/// A small body, all of it.
+///
+/// # Errors
+/// [`Problem`]: more than `limit` bytes, or cut short.
+pub async fn bytes_up_to(body: axum::body::Body, limit: usize) -> Result<bytes::Bytes, Problem> {
+    to_bytes(body, limit).await.map_err(|error| match is_length_limit(&error) {
+        true => Problem::body_too_large(limit as u64),
+        false => Problem::body_truncated(&error.to_string()),
+    })
+}
+
 /// The path of a list that was `sent` where an object is `meant`: serde would read it as the object's fields in order.
 fn list_for_object(sent: &Value, meant: &Value, path: String) -> Option<String> {
     match (sent, meant) {
         (Value::Array(_), Value::Object(_)) => Some(if path.is_empty() { "body".to_owned() } else { path }),
+        (Value::Array(sent), Value::Array(meant)) => {
+            let both = sent.iter().zip(meant).enumerate();
+            both.into_iter().find_map(|(k, (sent, meant))| list_for_object(sent, meant, format!("{path}[{k}]")))
+        }
         (Value::Object(sent), Value::Object(meant)) => sent.iter().find_map(|(name, value)| {
             let dot = if path.is_empty() { "" } else { "." };
             list_for_object(value, meant.get(name)?, format!("{path}{dot}{name}"))

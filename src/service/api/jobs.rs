@@ -1,13 +1,16 @@
 //! `/v1/jobs`: what is to be computed, how far it is, and why it failed.
 
 use super::super::access::Access;
+use super::super::jobs::channels::{Channel, NewJob, TotalFlux};
 use super::super::jobs::options::JobOptions;
 use super::super::jobs::{Failure, State as JobState, StoredNotice, query};
+use super::super::storage::{ray_sets, spectra};
 use super::Api;
 use super::artifacts::href;
 use super::extract::{Body, Page, Path, Query, cut};
 use super::problem::Problem;
-use crate::pipeline::Stage;
+use super::ray_sets::MAX_NAME_CHARS;
+use crate::pipeline::{self, Stage};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{StatusCode, header};
@@ -15,23 +18,11 @@ use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-/// Most ray sets of one source.
-const MAX_RAY_SETS: usize = 8;
+/// Most channels of one source.
+const MAX_CHANNELS: usize = 8;
 /// Share of the whole each stage stands for, in the order of [`Stage::ALL`], per cent: by how often it reads the rays (once,
 /// once, once with tracing, once with spectra). Only progress bars depend on it.
 const STAGE_WEIGHTS: [f64; 6] = [20.0, 15.0, 30.0, 30.0, 2.0, 3.0];
-
-/// A job to be.
-#[derive(Debug, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct NewJob {
-    /// Identifiers of the ray sets that are one source, in one frame.
-    #[schema(min_items = 1, max_items = 8)]
-    ray_sets: Vec<String>,
-    /// What to choose; what is left out is chosen from the rays.
-    #[serde(default)]
-    options: JobOptions,
-}
 
 /// A job.
 #[derive(Serialize, ToSchema)]
@@ -54,8 +45,10 @@ pub struct Job {
     attempt: u32,
     /// Somebody asked to cancel it.
     cancel_requested: bool,
-    /// The ray sets of its source.
-    ray_sets: Vec<String>,
+    /// The channels of its source, as sent.
+    channels: Vec<Channel>,
+    /// Total flux of its source, of which the channels have shares.
+    total: Option<TotalFlux>,
     /// What was chosen; null means from the rays.
     options: JobOptions,
     /// Why it failed, if it did.
@@ -142,7 +135,7 @@ impl From<query::Job> for Job {
                 cancel: (!row.state.ended()).then(|| format!("{this}/cancel")),
                 artifacts: succeeded.then(|| format!("{this}/artifacts")),
                 zip: succeeded.then(|| href(&row.id, super::super::jobs::worker::ZIP)),
-                ray_sets: row.ray_sets.iter().map(|id| format!("/v1/ray-sets/{id}")).collect(),
+                ray_sets: row.channels.iter().map(|channel| format!("/v1/ray-sets/{}", channel.ray_set)).collect(),
                 this,
             },
             id: row.id,
@@ -150,7 +143,8 @@ impl From<query::Job> for Job {
             queue_position: row.queue_position,
             attempt: row.attempt,
             cancel_requested: row.cancel_requested,
-            ray_sets: row.ray_sets,
+            channels: row.channels,
+            total: row.total,
             options: row.options,
             problem: row.failure.map(JobProblem::from),
             notices: row.notices,
@@ -172,17 +166,18 @@ fn stages(row: &query::Job) -> Vec<StageProgress> {
 
 /// Queues a job
 ///
-/// Answered as soon as the job is safe: it will be done, whatever happens to this process.
+/// Answered as soon as the job is safe: it will be done, whatever happens to this process. Channels that cannot be one source
+/// (unknown units, W beside lm without a spectrum, shares that do not add to 1) are refused here, at the field to change.
 #[utoipa::path(
     post, path = "/v1/jobs", tag = "jobs", operation_id = "create_job", request_body = NewJob,
     responses(
         (status = 202, body = Job, description = "accepted", headers(
             ("Location" = String, description = "the job"), ("Retry-After" = u64, description = "when to look, s"))),
         (status = 400, body = Problem, content_type = "application/problem+json", description = "not JSON"),
-        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such ray set"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such ray set or spectrum"),
         (status = 413, body = Problem, content_type = "application/problem+json", description = "the body is too large"),
         (status = 415, body = Problem, content_type = "application/problem+json", description = "not JSON by its Content-Type"),
-        (status = 422, body = Problem, content_type = "application/problem+json", description = "unknown field, wrong type, out of range"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "unknown field, wrong type, out of range; channels that cannot be one source"),
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, stopping, or a store that does not answer"),
     )
 )]
@@ -190,17 +185,45 @@ pub async fn create(State(api): State<Api>, access: Access, Body(new): Body<NewJ
     if api.draining.is_cancelled() {
         return Err(Problem::draining());
     }
-    let mut unique = new.ray_sets.clone();
-    unique.sort_unstable();
-    unique.dedup();
-    if unique.len() != new.ray_sets.len() || !(1..=MAX_RAY_SETS).contains(&unique.len()) {
-        return Err(Problem::out_of_range("ray_sets", "1 to 8 different identifiers"));
+    if !(1..=MAX_CHANNELS).contains(&new.channels.len()) {
+        return Err(Problem::out_of_range("channels", "a list of 1 to 8 channels"));
     }
     new.options.resolve()?;
-    let id = api.queue.enqueue(&access.tenant, &new.ray_sets, &new.options).await?;
+    judge(&api, &access, &new).await?;
+    let id = api.queue.enqueue(&access.tenant, &new).await?;
     // Ties the job to the request that asked for it.
     tracing::info!(job = id, "job queued");
     accepted(&api, &access, &id).await
+}
+
+/// Whether the channels can be one source, as far as the headers of their files tell.
+async fn judge(api: &Api, access: &Access, new: &NewJob) -> Result<(), Problem> {
+    let (records, tenant) = (&api.storage.records, access.tenant.as_str());
+    let mut files = Vec::new();
+    for (index, channel) in new.channels.iter().enumerate() {
+        if channel.name.as_ref().is_some_and(|name| name.is_empty() || name.chars().count() > MAX_NAME_CHARS) {
+            return Err(Problem::out_of_range(&format!("channels[{index}].name"), "1 to 255 characters long"));
+        }
+        let ray_set = ray_sets::get(records, tenant, &channel.ray_set).await?;
+        let ray_set = ray_set.ok_or_else(|| Problem::no_ray_set(&channel.ray_set))?;
+        let points = match channel.spectrum_id() {
+            Some(id) => {
+                Some(spectra::get(records, tenant, id).await?.ok_or_else(|| Problem::no_spectrum(id))?.points()?)
+            }
+            None => None,
+        };
+        let declared = channel.resolve(index, points.as_deref())?;
+        let claims: pipeline::Claims = serde_json::from_str(&ray_set.header).map_err(|error| {
+            tracing::error!(ray_set = ray_set.id, %error, "a stored header cannot be read");
+            Problem::internal()
+        })?;
+        files.push((declared.name.clone().unwrap_or(ray_set.name), ray_set.sha256, claims, declared));
+    }
+    let files: Vec<_> = files
+        .iter()
+        .map(|(name, sha256, claims, declared)| (name.as_str(), sha256.as_str(), claims, declared))
+        .collect();
+    Ok(pipeline::judge(&files, new.total.map(TotalFlux::total))?)
 }
 
 /// Lists jobs, newest first

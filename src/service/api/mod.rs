@@ -12,6 +12,8 @@ pub mod problem;
 pub mod ranges;
 /// Ray files.
 pub mod ray_sets;
+/// Spectra of channels.
+pub mod spectra;
 /// What is to be computed.
 pub mod jobs;
 /// What a job gave.
@@ -98,6 +100,7 @@ pub struct Binary(#[expect(dead_code, reason = "a schema, never a value")] Vec<u
     ),
     tags(
         (name = "ray sets", description = "Ray files, as they came"),
+        (name = "spectra", description = "Spectra of channels, from files of their own"),
         (name = "jobs", description = "What is to be computed, how far it is, and why it failed"),
         (name = "artifacts", description = "What a job gave"),
         (name = "health", description = "Whether the service lives and works"),
@@ -109,11 +112,14 @@ struct Contract;
 fn routes() -> OpenApiRouter<Api> {
     use Scope::{JobsRead, JobsWrite, UploadsRead, UploadsWrite};
     let uploads = OpenApiRouter::new().routes(needs(UploadsWrite, routes!(ray_sets::upload)));
+    let spectra = OpenApiRouter::new().routes(needs(UploadsWrite, routes!(spectra::upload)));
     let reads = OpenApiRouter::new()
         .routes(needs(UploadsRead, routes!(ray_sets::list)))
         .routes(needs(UploadsRead, routes!(ray_sets::get)))
         .routes(needs(UploadsRead, routes!(ray_sets::origins)))
         .routes(needs(UploadsRead, routes!(ray_sets::far_field)))
+        .routes(needs(UploadsRead, routes!(spectra::list)))
+        .routes(needs(UploadsRead, routes!(spectra::get)))
         .routes(needs(JobsWrite, routes!(jobs::create)))
         .routes(needs(JobsRead, routes!(jobs::list)))
         .routes(needs(JobsRead, routes!(jobs::get)))
@@ -123,10 +129,12 @@ fn routes() -> OpenApiRouter<Api> {
     // Always admitted: a full service must still be told to do less, and say that it lives.
     let relief = watch()
         .routes(needs_only(UploadsWrite, routes!(ray_sets::delete)))
+        .routes(needs_only(UploadsWrite, routes!(spectra::delete)))
         .routes(needs_only(JobsWrite, routes!(jobs::cancel)))
         .routes(needs_only(JobsWrite, routes!(jobs::delete)));
     OpenApiRouter::with_openapi(Contract::openapi())
         .merge(admit(kept(uploads), UPLOADS))
+        .merge(admit(patient(kept(spectra)), UPLOADS))
         .merge(admit(patient(reads), READS))
         .merge(patient(relief))
 }

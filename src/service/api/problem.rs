@@ -184,6 +184,19 @@ impl Problem {
         )
     }
 
+    /// No such spectrum.
+    pub fn no_spectrum(id: &str) -> Problem {
+        let detail = format!("There is no spectrum {id:?}.");
+        Problem::new(StatusCode::NOT_FOUND, "spectrum.not_found", "No such spectrum", detail)
+    }
+
+    /// An unfinished job needs the spectrum.
+    pub fn spectrum_needed(id: &str) -> Problem {
+        let detail = format!("An unfinished job needs the spectrum {id}.");
+        Problem::new(StatusCode::CONFLICT, "spectrum.in_use", "The spectrum is in use", detail)
+            .remedy("Cancel the job or wait for its end.")
+    }
+
     /// An unfinished job needs the ray set.
     pub fn ray_set_needed(id: &str) -> Problem {
         let detail = format!("An unfinished job needs the ray set {id}.");
@@ -395,6 +408,7 @@ impl From<queue::Error> for Problem {
         match error {
             queue::Error::Missing(id) => Problem::no_job(&id),
             queue::Error::MissingRaySet(id) => Problem::no_ray_set(&id),
+            queue::Error::MissingSpectrum(id) => Problem::no_spectrum(&id),
             queue::Error::State(state) => Problem::job_state(state),
             queue::Error::Quota(exceeded) => exceeded.into(),
             queue::Error::Storage(error) => error.into(),

@@ -21,7 +21,8 @@ use serde_json::Value;
 use tokio_util::sync::CancellationToken;
 use utoipa::ToSchema;
 
-const MAX_NAME_CHARS: usize = 255;
+/// Longest name of anything.
+pub const MAX_NAME_CHARS: usize = 255;
 /// Drawings of an inspection.
 const ORIGINS: &str = "origins.svg";
 const FAR_FIELD: &str = "far-field.svg";
@@ -144,7 +145,7 @@ impl RaySet {
 pub struct Naming {
     /// What to call it; goes before `Content-Disposition`, decides nothing.
     #[param(max_length = 255)]
-    name: Option<String>,
+    pub name: Option<String>,
 }
 
 /// Takes in a ray file, or those in a packed one
@@ -181,7 +182,7 @@ pub async fn upload(
     if api.draining.is_cancelled() {
         return Err(Problem::draining());
     }
-    let mut announcement = announcement(naming.name, &headers)?;
+    let mut announcement = announcement(naming.name, &headers, "rays")?;
     if announcement.byte_count.is_some_and(|bytes| bytes > api.intake.max_bytes) {
         return Err(upload::Error::TooLarge(api.intake.max_bytes).into());
     }
@@ -339,8 +340,11 @@ pub async fn delete(State(api): State<Api>, access: Access, Path(id): Path<Strin
     }
 }
 
-/// What the headers and the query say of the file to come.
-fn announcement(name: Option<String>, headers: &HeaderMap) -> Result<Announcement, Problem> {
+/// What the headers and the query say of the file to come; `nameless` is what it is called where they say nothing.
+///
+/// # Errors
+/// A form, an encoded body, a header or a name that cannot be meant.
+pub fn announcement(name: Option<String>, headers: &HeaderMap, nameless: &str) -> Result<Announcement, Problem> {
     let text = |name: HeaderName| headers.get(&name).and_then(|value| value.to_str().ok());
     let media_type = text(header::CONTENT_TYPE).unwrap_or_default().to_ascii_lowercase();
     if media_type.starts_with("multipart/") || media_type.starts_with("application/x-www-form-urlencoded") {
@@ -364,7 +368,7 @@ fn announcement(name: Option<String>, headers: &HeaderMap) -> Result<Announcemen
         }
     }
     let name = name.or_else(|| text(header::CONTENT_DISPOSITION).and_then(file_name)).unwrap_or_default();
-    Ok(Announcement { name: plain(&name)?, byte_count, sha256, ..Announcement::default() })
+    Ok(Announcement { name: plain(&name, nameless)?, byte_count, sha256, ..Announcement::default() })
 }
 
 /// The SHA-256 in a digest header, as hex; other algorithms are left alone.
@@ -414,13 +418,13 @@ fn percent_decoded(text: &str) -> String {
 }
 
 /// A name without folders and control characters.
-fn plain(name: &str) -> Result<String, Problem> {
+fn plain(name: &str, nameless: &str) -> Result<String, Problem> {
     let last = name.rsplit(['/', '\\']).next().unwrap_or_default();
     let clean: String = last.chars().filter(|c| !c.is_control()).collect();
     if clean.chars().count() > MAX_NAME_CHARS {
         return Err(Problem::out_of_range("name", "at most 255 characters long"));
     }
-    Ok(if clean.is_empty() { "rays".to_owned() } else { clean })
+    Ok(if clean.is_empty() { nameless.to_owned() } else { clean })
 }
 
 #[cfg(test)]
@@ -436,10 +440,13 @@ mod tests {
         assert_eq!(file_name(both).as_deref(), Some("€ rates"));
         assert_eq!(file_name("inline"), None);
         assert_eq!(percent_decoded("100%"), "100%");
-        assert_eq!(plain("../../etc/pass\u{7}wd").ok().as_deref(), Some("passwd"));
-        assert_eq!(plain("C:\\rays\\led.dat").ok().as_deref(), Some("led.dat"));
-        assert_eq!(plain("").ok().as_deref(), Some("rays"));
-        assert_eq!(plain(&"x".repeat(256)).map_err(|problem| problem.code).unwrap_err(), "request.out_of_range");
+        assert_eq!(plain("../../etc/pass\u{7}wd", "rays").ok().as_deref(), Some("passwd"));
+        assert_eq!(plain("C:\\rays\\led.dat", "rays").ok().as_deref(), Some("led.dat"));
+        assert_eq!(plain("", "rays").ok().as_deref(), Some("rays"));
+        assert_eq!(
+            plain(&"x".repeat(256), "rays").map_err(|problem| problem.code).unwrap_err(),
+            "request.out_of_range"
+        );
     }
 
     #[test]

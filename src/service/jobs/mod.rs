@@ -2,6 +2,8 @@
 
 /// What a client may choose, as sent and as stored.
 pub mod options;
+/// What a source is made of, as sent and as stored.
+pub mod channels;
 /// What is known of jobs; changes nothing.
 pub mod query;
 /// Every change of a job's state.
@@ -152,9 +154,9 @@ impl From<&pipeline::Error> for Failure {
             remedy: Some(remedy.into()),
         };
         match error {
-            Error::Malformed(fault) => Failure::of("The ray file is malformed", fault),
-            Error::Refused(fault) => Failure::of("The ray set is refused", fault),
-            Error::Unusable(fault) => Failure::of("The options cannot be used", fault),
+            Error::Malformed(fault) => Failure::of("The file is malformed", fault),
+            Error::Refused(fault) => Failure::of("The file is refused", fault),
+            Error::Unusable(fault) => Failure::of("What was asked for cannot be used", fault),
             Error::Cancelled => bare("The job was stopped", "Submit it again."),
             Error::Unreadable(_) => bare("The stored bytes could not be read", "Try again; see the service's log."),
         }

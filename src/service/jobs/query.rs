@@ -2,6 +2,7 @@
 
 use super::super::storage::Error;
 use super::super::storage::records::{Records, Row, sql};
+use super::channels::{Channel, TotalFlux};
 use super::options::JobOptions;
 use super::{Failure, State, StoredNotice};
 use crate::pipeline::Stage;
@@ -15,8 +16,10 @@ pub struct Job {
     pub id: String,
     /// Where it is.
     pub state: State,
-    /// The ray sets of its source, in order.
-    pub ray_sets: Vec<String>,
+    /// The channels of its source, in order.
+    pub channels: Vec<Channel>,
+    /// Total flux of its source, of which the channels have shares.
+    pub total: Option<TotalFlux>,
     /// What the client chose.
     pub options: JobOptions,
     /// How often it was begun.
@@ -93,13 +96,28 @@ pub async fn list(
     Ok(jobs)
 }
 
-/// The ray sets of a job, in order.
+/// The channels of a job, in order.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn inputs(records: &Records, id: &str) -> Result<Vec<String>, Error> {
-    let select = sql("SELECT ray_set_id FROM job_inputs WHERE job_id = $1 ORDER BY position").bind(id);
-    records.read(select).await?.iter().map(|row| row.text("ray_set_id")).collect()
+pub async fn channels(records: &Records, id: &str) -> Result<Vec<Channel>, Error> {
+    let select = sql("SELECT ray_set_id, declared FROM job_inputs WHERE job_id = $1 ORDER BY position").bind(id);
+    records.read(select).await?.iter().map(channel).collect()
+}
+
+fn channel(row: &Row) -> Result<Channel, Error> {
+    let mut fields: serde_json::Map<String, serde_json::Value> = stored(&row.text("declared")?)?;
+    fields.insert("ray_set".to_owned(), row.text("ray_set_id")?.into());
+    serde_json::from_value(fields.into()).map_err(|error| Error::Records(Box::new(error)))
+}
+
+/// The total flux of a job's source, of which its channels have shares.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn total(records: &Records, id: &str) -> Result<Option<TotalFlux>, Error> {
+    let row = records.read_one(sql("SELECT total FROM jobs WHERE id = $1").bind(id)).await?;
+    row.map_or(Ok(None), |row| row.optional_text("total")?.as_deref().map(stored).transpose())
 }
 
 /// The files of a job, in the order of the zip.
@@ -127,7 +145,8 @@ async fn job(records: &Records, row: &Row) -> Result<Job, Error> {
     let stage = row.optional_text("stage")?;
     let failure = row.optional_text("failure")?;
     Ok(Job {
-        ray_sets: inputs(records, &id).await?,
+        channels: channels(records, &id).await?,
+        total: row.optional_text("total")?.as_deref().map(stored).transpose()?,
         id,
         state,
         options: stored(&row.text("options")?)?,

@@ -6,7 +6,7 @@ use super::super::crash;
 use super::super::metrics::Metrics;
 use super::super::storage::records::sql;
 use super::super::storage::{self, Storage, job_folder, new_id};
-use super::options::JobOptions;
+use super::channels::{Channel, NewJob};
 use super::query::{self, StoredArtifact};
 use super::{Failure, State, StoredNotice};
 use std::sync::Arc;
@@ -25,6 +25,9 @@ pub enum Error {
     /// There is no such ray set.
     #[error("there is no ray set {0}")]
     MissingRaySet(String),
+    /// There is no such spectrum.
+    #[error("there is no spectrum {0}")]
+    MissingSpectrum(String),
     /// The job is in a state from which this is not legal.
     #[error("the job is {}", .0.name())]
     State(State),
@@ -122,21 +125,38 @@ impl Queue {
     /// Accepts a job of `tenant`: from here on it will be done, whatever happens to this process.
     ///
     /// # Errors
-    /// [`Error::MissingRaySet`], [`Error::Quota`], [`Error::Storage`].
-    pub async fn enqueue(&self, tenant: &str, ray_sets: &[String], options: &JobOptions) -> Result<String, Error> {
+    /// [`Error::MissingRaySet`], [`Error::MissingSpectrum`], [`Error::Quota`], [`Error::Storage`].
+    pub async fn enqueue(&self, tenant: &str, new: &NewJob) -> Result<String, Error> {
         let id = new_id();
         let mut transaction = self.storage.records.begin().await?;
         self.quota.admit_job(&mut transaction, tenant).await??;
         let insert = "INSERT INTO jobs (tenant, id, state, options, attempt, max_attempts, fence, cancel_requested, \
-                      stage_progress, notices, created_ms) VALUES ($1, $2, 'queued', $3, 0, $4, 0, 0, 0, '[]', {now})";
-        let insert = sql(insert).bind(tenant).bind(id.as_str()).bind(json(options)?).bind(i64::from(self.max_attempts));
+                      stage_progress, notices, created_ms, total) \
+                      VALUES ($1, $2, 'queued', $3, 0, $4, 0, 0, 0, '[]', {now}, $5)";
+        let insert = sql(insert).bind(tenant).bind(id.as_str()).bind(json(&new.options)?);
+        let insert = insert.bind(i64::from(self.max_attempts));
+        let total = new.total.as_ref().map(json).transpose()?;
+        let insert = insert.bind(total.as_deref());
         transaction.write(insert).await?;
-        for (position, ray_set) in ray_sets.iter().enumerate() {
-            let insert = "INSERT INTO job_inputs (job_id, position, ray_set_id) \
-                          SELECT $1, $2, id FROM ray_sets WHERE id = $3 AND tenant = $4 {for_share}";
-            let insert = sql(insert).bind(id.as_str()).bind(position as i64).bind(ray_set.as_str()).bind(tenant);
+        for (position, channel) in new.channels.iter().enumerate() {
+            let insert = "INSERT INTO job_inputs (job_id, position, ray_set_id, declared, spectrum_id) \
+                          SELECT $1, $2, id, $3, $4 FROM ray_sets WHERE id = $5 AND tenant = $6 {for_share}";
+            let insert = sql(insert).bind(id.as_str()).bind(position as i64).bind(declared(channel)?);
+            let insert = insert.bind(channel.spectrum_id()).bind(channel.ray_set.as_str()).bind(tenant);
             if transaction.write(insert).await? == 0 {
-                return Err(Error::MissingRaySet(ray_set.clone()));
+                return Err(Error::MissingRaySet(channel.ray_set.clone()));
+            }
+            if let Some(spectrum) = channel.spectrum_id()
+                && transaction
+                    .read(
+                        sql("SELECT id FROM spectra WHERE tenant = $1 AND id = $2 {for_share}")
+                            .bind(tenant)
+                            .bind(spectrum),
+                    )
+                    .await?
+                    .is_empty()
+            {
+                return Err(Error::MissingSpectrum(spectrum.to_owned()));
             }
         }
         crash::point("submit.before_commit");
@@ -353,6 +373,15 @@ impl Queue {
         }
         Ok(())
     }
+}
+
+/// What was declared of a channel, as its row has it: the ray set is a column of its own.
+fn declared(channel: &Channel) -> Result<String, storage::Error> {
+    let mut declared = serde_json::to_value(channel).map_err(|error| storage::Error::Records(Box::new(error)))?;
+    if let Some(fields) = declared.as_object_mut() {
+        fields.remove("ray_set");
+    }
+    json(&declared)
 }
 
 fn json<T: serde::Serialize + ?Sized>(value: &T) -> Result<String, storage::Error> {

@@ -2,13 +2,15 @@
 
 use super::super::crash;
 use super::super::metrics::Metrics;
-use super::super::storage::parts::Parts;
-use super::super::storage::{self, Storage, ray_sets};
+use super::super::storage::parts::{Part, Parts};
+use super::super::storage::ray_sets::RaySet;
+use super::super::storage::{self, Storage, ray_sets, spectra};
+use super::channels::{Channel, TotalFlux};
 use super::options::JobOptions;
 use super::query::{self, StoredArtifact};
 use super::queue::{Beat, Claim, Queue};
 use super::{Failure, StoredNotice};
-use crate::pipeline::{self, Artifact, Declared, Input, Limits, Notice, Stage, Watch};
+use crate::pipeline::{self, Artifact, Input, Limits, Notice, Stage, Watch};
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
@@ -213,15 +215,14 @@ impl Worker {
             Ok(options) => options,
             Err(error) => return Ending::Failed(Failure::unreadable_job(error.to_string())),
         };
-        let options = match options.resolve() {
+        let mut options = match options.resolve() {
             Ok(options) => options,
             Err(error) => return Ending::Failed(Failure::from(&error)),
         };
-        let inputs = match self.inputs(claim).await {
+        let inputs = match self.inputs(claim, &mut options).await {
             Ok(inputs) => inputs,
-            Err(error) => {
-                return Ending::Unread(Failure::from(&pipeline::Error::Unreadable(std::io::Error::other(error))));
-            }
+            Err(error @ pipeline::Error::Unreadable(_)) => return Ending::Unread(Failure::from(&error)),
+            Err(error) => return Ending::Failed(Failure::from(&error)),
         };
         let (runner, limits, watch) = (Arc::clone(&self.runner), self.limits, Arc::clone(&progress));
         let run = move || {
@@ -238,16 +239,35 @@ impl Worker {
         }
     }
 
-    async fn inputs(&self, claim: &Claim) -> Result<Vec<Input>, storage::Error> {
+    /// The channels of a job as the pipeline's inputs, and the total they have shares of.
+    async fn inputs(&self, claim: &Claim, options: &mut pipeline::Options) -> Result<Vec<Input>, pipeline::Error> {
+        let unread = |error: storage::Error| pipeline::Error::Unreadable(std::io::Error::other(error));
+        let total = query::total(&self.storage.records, &claim.id).await.map_err(unread)?;
+        options.rays.total = total.map(TotalFlux::total);
         let mut inputs = Vec::new();
-        for id in query::inputs(&self.storage.records, &claim.id).await? {
-            let missing = || storage::Error::Records(format!("ray set {id} of job {} is gone", claim.id).into());
-            let ray_set = ray_sets::get(&self.storage.records, &claim.tenant, &id).await?.ok_or_else(missing)?;
-            let parts = ray_sets::parts(&self.storage.records, &id).await?;
+        for channel in query::channels(&self.storage.records, &claim.id).await.map_err(unread)? {
+            let (ray_set, parts, spectrum) = self.stored(claim, &channel).await.map_err(unread)?;
             let bytes = Arc::new(Parts::new(self.storage.blobs.clone(), parts, Handle::current()));
-            inputs.push(Input { name: ray_set.name, sha256: ray_set.sha256, bytes, declared: Declared::default() });
+            let declared = channel.resolve(inputs.len(), spectrum.as_deref())?;
+            inputs.push(Input { name: ray_set.name, sha256: ray_set.sha256, bytes, declared });
         }
         Ok(inputs)
+    }
+
+    /// What a channel names: its ray set, where its bytes are, the points of its spectrum.
+    async fn stored(
+        &self,
+        claim: &Claim,
+        channel: &Channel,
+    ) -> Result<(RaySet, Vec<Part>, Option<Vec<(f64, f64)>>), storage::Error> {
+        let (records, tenant) = (&self.storage.records, claim.tenant.as_str());
+        let missing = |what: &str, id: &str| storage::Error::Records(format!("{what} {id} is gone").into());
+        let id = &channel.ray_set;
+        let ray_set = ray_sets::get(records, tenant, id).await?.ok_or_else(|| missing("ray set", id))?;
+        let parts = ray_sets::parts(records, id).await?;
+        let Some(id) = channel.spectrum_id() else { return Ok((ray_set, parts, None)) };
+        let spectrum = spectra::get(records, tenant, id).await?.ok_or_else(|| missing("spectrum", id))?;
+        Ok((ray_set, parts, Some(spectrum.points()?)))
     }
 
     /// Stores the files of this attempt under its own fence. All of them are in memory: room in the store is not waited for

@@ -14,6 +14,8 @@ pub mod inspections;
 pub mod space;
 /// Blobs that no row names.
 pub mod garbage;
+/// Rows of spectra.
+pub mod spectra;
 
 use blobs::Blobs;
 use bytes::Bytes;

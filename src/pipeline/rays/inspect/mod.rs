@@ -17,12 +17,12 @@ use super::super::vocabulary::limits::Limits;
 use super::super::vocabulary::notice::{Notice, Notices};
 use super::super::vocabulary::space::Axis;
 use super::super::vocabulary::spectrum::Bands;
-use super::super::vocabulary::units::Flux;
+use super::super::vocabulary::units::{Flux, LengthUnit};
 use super::super::vocabulary::watch::StageWatch;
 use super::super::{Error, error::Fault};
 use super::conversion::Conversion;
 use super::survey::{Reading, wider, witnessed};
-use super::{Bytes, Facts, Format, Input, RaySet, SpectralData, TotalRule, bands, check, detect, open, totals};
+use super::{Bytes, Facts, Format, Input, RaySet, TotalRule, bands, check, detect, open, totals};
 use checks::{Check, Verdict, checks};
 use evidence::Evidence;
 use focus::Focus;
@@ -61,6 +61,10 @@ pub struct Header {
     pub has_luminous: bool,
     /// What the rays carry of the spectrum: "none", "table", "wavelength per ray", "table per ray", "tristimulus".
     pub spectrum: &'static str,
+    /// Length unit: "mm", …; `null` where it does not say.
+    pub length_unit: Option<&'static str>,
+    /// It does not say whether its flux is W or lm.
+    pub quantity_unknown: bool,
     /// Wavelengths of its tables, nm; `null` without tables.
     pub table_range_nm: Option<(f64, f64)>,
     /// Everything else, in the file's order.
@@ -279,13 +283,9 @@ impl Header {
             total_rule: facts.total_rule,
             has_radiant: facts.has_radiant,
             has_luminous: facts.has_luminous,
-            spectrum: match facts.spectral {
-                SpectralData::None => "none",
-                SpectralData::Table(_) => "table",
-                SpectralData::Wavelength => "wavelength per ray",
-                SpectralData::Tables(_) => "table per ray",
-                SpectralData::Tristimulus => "tristimulus",
-            },
+            spectrum: facts.spectral.name(),
+            length_unit: facts.length_unit.map(LengthUnit::symbol),
+            quantity_unknown: facts.quantity_unknown,
             table_range_nm: facts.spectral.tables().iter().fold(None, |all, table| wider(all, Some(table.range_nm()))),
             texts: texts.map(|(name, value)| Text { name: name.clone(), value: value.clone() }).collect(),
             notices: facts.notices.to_vec(),

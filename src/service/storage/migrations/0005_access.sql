@@ -1,8 +1,10 @@
 -- Whose things are, and who may ask for them. Where no keys are asked for, everything is the tenant `default`'s.
 
 ALTER TABLE ray_sets ADD COLUMN tenant TEXT NOT NULL DEFAULT 'default';
+ALTER TABLE spectra ADD COLUMN tenant TEXT NOT NULL DEFAULT 'default';
 ALTER TABLE jobs ADD COLUMN tenant TEXT NOT NULL DEFAULT 'default';
 CREATE INDEX ray_sets_tenant ON ray_sets (tenant, id);
+CREATE INDEX spectra_tenant ON spectra (tenant, id);
 CREATE INDEX jobs_tenant ON jobs (tenant, id);
 CREATE INDEX jobs_unfinished ON jobs (tenant, state) WHERE state IN ('queued', 'running');
 
