@@ -47,6 +47,8 @@ pub enum Place {
     Option(&'static str),
     /// What was declared of a channel: its place in the source, from 0, and the field.
     Channel(usize, &'static str),
+    /// What was declared of a file by itself, before it is a channel: the field.
+    Declared(&'static str),
     /// The declared total of the source.
     Total,
 }
@@ -58,6 +60,7 @@ impl fmt::Display for Place {
             Place::Ray(index) => write!(f, "ray {index}"),
             Place::Option(path) => write!(f, "options.{path}"),
             Place::Channel(index, field) => write!(f, "channels[{index}].{field}"),
+            Place::Declared(field) => write!(f, "{field}"),
             Place::Total => write!(f, "total"),
         }
     }

@@ -1,6 +1,7 @@
 //! Unpacks an upload: every ray file in it becomes a ray set of its own, stored part by part as it comes out. What is no ray
 //! file is left out and said so; a broken packed file gives nothing.
 
+use super::jobs::channels::FileDeclaration;
 use super::storage::new_id;
 use super::storage::ray_sets::{Draft, Packed};
 use super::upload::{Error, Intake, LeftOut, Spool, Stored};
@@ -21,10 +22,11 @@ impl Intake {
     pub(super) async fn unpack(
         &self,
         packed: Stored,
+        declared: FileDeclaration,
         gone: CancellationToken,
     ) -> Result<(Vec<Draft>, Vec<LeftOut>), Error> {
         let (intake, runtime) = (self.clone(), Handle::current());
-        let unpacked = spawn_blocking(move || Unpacking::run(intake, runtime, &packed, gone));
+        let unpacked = spawn_blocking(move || Unpacking::run(intake, runtime, &packed, declared, gone));
         unpacked.await.map_err(|error| pipeline::Error::Unreadable(io::Error::other(error)))?
     }
 }
@@ -35,6 +37,7 @@ struct Unpacking {
     runtime: Handle,
     gone: CancellationToken,
     packed: Packed,
+    declared: FileDeclaration,
     drafts: Vec<Draft>,
     left_out: Vec<LeftOut>,
 }
@@ -44,11 +47,12 @@ impl Unpacking {
         intake: Intake,
         runtime: Handle,
         stored: &Stored,
+        declared: FileDeclaration,
         gone: CancellationToken,
     ) -> Result<(Vec<Draft>, Vec<LeftOut>), Error> {
         let (bytes, limits) = (intake.read(stored), intake.limits);
         let packed = Packed { name: stored.name.clone(), sha256: stored.sha256.clone() };
-        let mut this = Unpacking { intake, runtime, gone, packed, drafts: Vec::new(), left_out: Vec::new() };
+        let mut this = Unpacking { intake, runtime, gone, packed, declared, drafts: Vec::new(), left_out: Vec::new() };
         let done = pipeline::unpack(&bytes, &stored.name, &limits, |name, content| this.visit(name, content));
         match done {
             Ok(()) if this.drafts.is_empty() => Err(Error::NoRayFile(this.left_out)),
@@ -78,7 +82,8 @@ impl Unpacking {
     fn keep(&self, name: &str, member: &mut Member<'_>) -> Result<Draft, Error> {
         let id = new_id();
         let kept = self.store(&id, name, member).and_then(|stored| {
-            self.runtime.block_on(self.intake.draft(stored, Some(self.packed.clone()), self.gone.clone()))
+            let (packed, gone) = (Some(self.packed.clone()), self.gone.clone());
+            self.runtime.block_on(self.intake.draft(stored, packed, &self.declared, gone))
         });
         kept.inspect_err(|_| self.runtime.block_on(self.intake.forget(&id)))
     }
@@ -98,9 +103,9 @@ impl Unpacking {
 
 /// Why a file is no ray set; any other error ends the whole upload.
 fn left_out(name: &str, error: Error) -> Result<LeftOut, Error> {
-    use pipeline::Error::{Malformed, Refused};
+    use pipeline::Error::{Malformed, Refused, Unusable};
     let code = match &error {
-        Error::Unfit(unfit @ (Malformed(_) | Refused(_))) => unfit.code(),
+        Error::Unfit(unfit @ (Malformed(_) | Refused(_) | Unusable(_))) => unfit.code(),
         Error::Empty => "upload.empty",
         _ => return Err(error),
     };

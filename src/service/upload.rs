@@ -4,13 +4,14 @@
 
 use super::access::quota::{Exceeded, Quota, Room};
 use super::crash;
+use super::jobs::channels::FileDeclaration;
 use super::jobs::worker::hex;
 use super::pace::{Pace, Slowest, TooSlow};
 use super::storage::inspections::{Drawing, Inspection};
 use super::storage::parts::{Part, Parts};
 use super::storage::ray_sets::{self, Draft, Packed, RaySet};
 use super::storage::{self, Storage, new_id, ray_set_folder};
-use crate::pipeline::{self, Artifact, Declared, Input, Limits, Stage, Watch};
+use crate::pipeline::{self, Artifact, Fault, Input, Limits, Place, Stage, Watch};
 use bytes::{Bytes, BytesMut};
 use futures::Stream;
 use serde::Serialize;
@@ -110,6 +111,8 @@ pub struct Announcement {
     pub byte_count: Option<u64>,
     /// Its SHA-256, hex, as often as it was said.
     pub sha256: Vec<String>,
+    /// How to read it, or every file in it.
+    pub declared: FileDeclaration,
     /// Cancelled when the sender no longer waits for the answer: its rays need not be read to their end.
     pub gone: CancellationToken,
 }
@@ -149,7 +152,7 @@ impl Intake {
         body: impl Stream<Item = Result<Bytes, E>>,
     ) -> Result<Taken, Error> {
         let id = new_id();
-        let gone = announcement.gone.clone();
+        let (gone, declared) = (announcement.gone.clone(), announcement.declared.clone());
         let room = self.quota.room(&self.storage.records, tenant).await?;
         let stored = match self.receive(&id, announcement, room, body).await {
             Ok(stored) => stored,
@@ -158,7 +161,7 @@ impl Intake {
                 return Err(error);
             }
         };
-        let (drafts, left_out) = self.drafts(stored, gone).await?;
+        let (drafts, left_out) = self.drafts(stored, declared, gone).await?;
         let ids: Vec<String> = drafts.iter().map(|draft| draft.ray_set.id.clone()).collect();
         // From here on the rows may be there, whatever the answer: only the sweep of garbage can tell.
         let known = ray_sets::insert(&self.storage.records, tenant, self.quota, drafts).await;
@@ -181,12 +184,13 @@ impl Intake {
     pub(super) async fn drafts(
         &self,
         stored: Stored,
+        declared: FileDeclaration,
         gone: CancellationToken,
     ) -> Result<(Vec<Draft>, Vec<LeftOut>), Error> {
         let (id, is_packed) = (stored.id.clone(), stored.is_packed);
         let drafts = match is_packed {
-            true => self.unpack(stored, gone).await,
-            false => self.draft(stored, None, gone).await.map(|draft| (vec![draft], Vec::new())),
+            true => self.unpack(stored, declared, gone).await,
+            false => self.draft(stored, None, &declared, gone).await.map(|draft| (vec![draft], Vec::new())),
         };
         if is_packed || drafts.is_err() {
             self.forget(&id).await;
@@ -229,17 +233,19 @@ impl Intake {
         &self,
         stored: Stored,
         packed: Option<Packed>,
+        declared: &FileDeclaration,
         gone: CancellationToken,
     ) -> Result<Draft, Error> {
         let input = Input {
             name: stored.name.clone(),
             sha256: stored.sha256.clone(),
             bytes: Arc::new(self.read(&stored)),
-            declared: Declared::default(),
+            declared: declared.resolve().map_err(in_query)?,
         };
         let Described { header, inspection } = self.inspect_and_describe(input, gone).await?;
+        let declared = declared.clone();
         let Stored { id, name, sha256, byte_count, parts, .. } = stored;
-        let ray_set = RaySet { id, name, byte_count, sha256, header, packed, created_ms: 0 };
+        let ray_set = RaySet { id, name, byte_count, sha256, header, declared, packed, created_ms: 0 };
         Ok(Draft { ray_set, parts, inspection })
     }
 
@@ -251,8 +257,26 @@ impl Intake {
     /// Reads the whole file once, on a thread that may block, until `gone`.
     async fn inspect_and_describe(&self, input: Input, gone: CancellationToken) -> Result<Described, Error> {
         let limits = self.limits;
-        let described = spawn_blocking(move || describe(&input, &limits, &Until(gone)));
+        let described = spawn_blocking(move || describe(&input, &limits, &Until(gone)).map_err(in_query));
         Ok(described.await.map_err(|error| pipeline::Error::Unreadable(std::io::Error::other(error)))??)
+    }
+}
+
+/// The same error; where it is one of what is declared of a file, in the words of the query that the file is sent with.
+pub(super) fn in_query(error: pipeline::Error) -> pipeline::Error {
+    use pipeline::Error::{Refused, Unusable};
+    let here = |fault: Fault| match fault.at {
+        Some(Place::Channel(_, field)) => Fault { at: Some(Place::Declared(field)), ..fault },
+        _ => fault,
+    };
+    match error {
+        Refused(fault) => Refused(here(fault)),
+        Unusable(fault) => {
+            let fault = here(fault);
+            let example = "In the query of the upload: columns=x,y,z,l,m,n,flux.";
+            Unusable(Fault { remedy: format!("{} {example}", fault.remedy), ..fault })
+        }
+        other => other,
     }
 }
 

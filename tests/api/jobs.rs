@@ -3,7 +3,7 @@ use crate::site::{Site, on_engines};
 use axum::http::StatusCode;
 use lampwright::service::Config;
 use lampwright::service::access::quota::Quota;
-use lampwright::service::jobs::channels::NewJob;
+use lampwright::service::jobs::channels::{FileDeclaration, NewJob};
 use lampwright::service::jobs::queue::{Claim, Queue};
 use lampwright::service::jobs::{Failure, State, TRANSITIONS};
 use lampwright::service::storage::Storage;
@@ -171,6 +171,7 @@ async fn known(storage: &Storage, id: &str) {
         byte_count: 1,
         sha256: String::new(),
         header: "{}".into(),
+        declared: FileDeclaration::default(),
         packed: None,
         created_ms: 0,
     };

@@ -32,6 +32,8 @@ mod requests;
 mod inspections;
 /// Spectra, and what is said of channels.
 mod channels;
+/// What is said of a file as it is sent.
+mod declared;
 /// Queue, cancellation, deletion, pages.
 mod jobs;
 /// What processes and stores do to jobs.

@@ -6,7 +6,8 @@
     reason = "clippy.toml allows it in #[test] functions only, and these are their tools"
 )]
 
-use crate::rays::{LUMENS, WATTS, close, file, good, pass, read_all, real, sums};
+use crate::rays::{LUMENS, WATTS, close, file, good, pass, read_all, sums};
+use crate::real_files::real;
 use lampwright::pipeline::rays::synthetic::{by_name, write_tm25};
 use lampwright::pipeline::rays::tm25::header::{Flags, SpectralId};
 use lampwright::pipeline::rays::{RawRay, Source, digest, read};

@@ -12,7 +12,7 @@ mod packed;
 mod packing;
 mod rays;
 mod real_files;
-mod real_text_files;
+mod same_rays;
 #[path = "../support/statistics.rs"]
 mod statistics;
 mod text_files;

@@ -1,5 +1,4 @@
-//! Ray files to sources: known sources with closed-form answers, damaged files, several files together, and real files from
-//! other programs (`../shared/rays`, never committed; left out aloud where the folder is missing).
+//! Ray files to sources: known sources with closed-form answers, damaged files, several files together.
 #![expect(clippy::unwrap_used, reason = "clippy.toml allows it in #[test] functions only, and these are their tools")]
 
 use glam::DVec3;
@@ -12,7 +11,6 @@ use lampwright::pipeline::vocabulary::watch::StageWatch;
 use lampwright::pipeline::{
     Declared, Error, Format, Input, Limits, Place, Stage, Unwatched, Watch, header, inspect, peek,
 };
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -403,60 +401,5 @@ fn turned_sources_look_where_they_were_turned() {
         assert_eq!(source.survey.directions.hemispheres()[k], 1.0);
         assert_eq!(source.survey.bounds_mm.size().dot(axis.vector().abs()), 0.0);
         assert!(source.survey.bounds_mm.size().cmple(DVec3::ONE).all());
-    }
-}
-
-// ---- Real files ----
-
-/// A real file, or `None` (said aloud) where the folder is missing.
-pub fn real(name: &str) -> Option<Vec<u8>> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/rays").join(name);
-    let bytes = std::fs::read(&path).ok();
-    if bytes.is_none() {
-        println!("LEFT OUT: {} is not here", path.display());
-    }
-    bytes
-}
-
-/// Totals of the vendor's data sheet and header: 337 lm, 0.6938 W.
-#[test]
-fn osram_green_has_both_totals_of_its_header() {
-    let Some(bytes) = real("mu_rayfile_LERTDUW_S2WP_green_100k_20161013_IES_TM25.TM25RAY") else { return };
-    let source = read_all(vec![bytes]).unwrap();
-    let (count, watt, lumen) = sums(&source);
-    assert_eq!(count, 100_000);
-    assert!(close(lumen, 337.0, 1e-9) && close(watt, 0.6938, 1e-4), "{lumen} lm {watt} W");
-    assert!(close(source.flux.luminous_lm.unwrap(), 337.0, 1e-9));
-    assert_eq!(source.channels[0].facts().texts[0].1, "2013");
-    assert!(matches!(&source.spectral.columns, Columns::Tables { shares } if shares.len() == 1));
-    // `INDEX.md`: 98 % of the origins lie on z = 0.02 mm; nothing shines below the package.
-    assert!(source.survey.bounds_mm.max.z > 0.0199 && source.survey.directions.hemispheres()[0] > 0.9);
-}
-
-#[test]
-fn lighttools_export_is_scaled_to_its_header() {
-    let Some(bytes) = real("mu_Cyl10k.1.tm25ray") else { return };
-    let source = read_all(vec![bytes]).unwrap();
-    let (count, _, lumen) = sums(&source);
-    assert_eq!((count, source.flux.radiant_w), (10_000, None));
-    assert!(close(lumen, 1.0, 1e-12), "{lumen}");
-    assert!(close(source.survey.luminous_sum, 10_000.0, 1e-6));
-    assert_eq!(source.notices.count_of("rays.total_ratio"), 1);
-    // `INDEX.md`: all origins on a sphere of radius 10 about (0, 0, 10).
-    assert!(source.survey.bounds_mm.size().max_element() < 20.001);
-}
-
-#[test]
-fn what_is_not_read_is_named() {
-    let cases = [
-        ("mu_Cyl10k.1.ray", "detect.lighttools_text"),
-        ("mu_ZemaxText.txt", "detect.text"),
-        ("mu_VirtualFocus.pdf", "detect.document"),
-        ("mu_LEDWhite.txt", "detect.spectrum"),
-        ("mu_LERTDUW_S2WP_binBQ_white-blue_20110706_spectrum.txt", "detect.spectrum"),
-    ];
-    for (name, code) in cases {
-        let Some(bytes) = real(name) else { return };
-        assert_eq!(read_all(vec![bytes]).err().unwrap().code(), code, "{name}");
     }
 }

@@ -209,8 +209,9 @@ impl Claims {
     }
 }
 
-/// What declared columns say of the flux and the spectrum.
+/// What declared columns say of the flux and the spectrum; names in the file, and the unit in them, hold no more.
 fn in_columns(facts: &mut Facts, columns: &[Column]) {
+    facts.length_unit = None;
     let has = |column: Column| columns.contains(&column);
     facts.has_luminous = has(Column::LuminousFlux);
     facts.has_radiant = has(Column::RadiantFlux) || !facts.has_luminous;

@@ -1,6 +1,6 @@
 //! What people call the columns of a ray, with the units they put into the name: `x [mm]`, `power_W`, `wavelength (nm)`.
 
-use super::super::Error;
+use super::super::error::{Error, Place};
 use super::super::vocabulary::units::LengthUnit;
 use super::declared::Column;
 use super::rows::Slot;
@@ -38,7 +38,9 @@ impl Named {
             return Ok(first);
         }
         let found = "The names of x, y and z have different length units, or some have none.";
-        Err(Error::unusable("columns.units", "length_unit", found, "Give all three one unit."))
+        let place = Place::Channel(0, "columns");
+        let remedy = "Give all three one unit; or declare the columns and the length unit, where the names are wrong.";
+        Err(Error::undeclarable("columns.units", place, found, remedy))
     }
 }
 

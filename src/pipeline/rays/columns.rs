@@ -1,7 +1,7 @@
 //! Rays in columns of numbers (`FORMATS.md` 6): no standard says what they are. Names in a header line or the user's word are
 //! obeyed; without them columns hold what they hold in every other format. What a file does not say is not guessed.
 
-use super::super::Error;
+use super::super::error::{Error, Place};
 use super::super::vocabulary::limits::Limits;
 use super::super::vocabulary::notice::Notices;
 use super::super::vocabulary::units::{Flux, LengthUnit};
@@ -20,8 +20,8 @@ const PROOF_ROWS: usize = 64;
 /// What wavelengths in µm and in nm may be; no number is in both.
 const LIGHT_UM: (f64, f64) = (0.1, 20.0);
 const LIGHT_NM: (f64, f64) = (100.0, 20_000.0);
-/// Path of the option that tells what columns hold.
-const OPTION: &str = "columns";
+/// Where a user says what columns hold.
+const DECLARED: Place = Place::Channel(0, "columns");
 /// What to do where the file and we do not agree on its columns.
 const DECLARE: &str = "Declare what each column holds: x, y, z, l, m, n, a flux, and \"ignored\" for the rest.";
 
@@ -115,7 +115,7 @@ impl Head {
         if slots.len() != self.width {
             let by = if declared.is_some() { "declaration" } else { "header" };
             let found = format!("The {by} names {} columns; the rows have {}.", slots.len(), self.width);
-            return Err(Error::unusable("columns.count", OPTION, found, DECLARE));
+            return Err(Error::undeclarable("columns.count", DECLARED, found, DECLARE));
         }
         for (k, slot) in slots.iter_mut().enumerate().filter(|(_, slot)| slot.is_none()) {
             *slot = Some(Slot::new(wavelength_unit(&proof, k, notices)?, 1.0));
@@ -144,7 +144,7 @@ impl Head {
             }
             width => {
                 let found = format!("The rows have {width} columns without names; only 7, 8 or 9 can be told apart.");
-                return Err(Error::unusable("columns.unnamed", OPTION, found, DECLARE));
+                return Err(Error::undeclarable("columns.unnamed", DECLARED, found, DECLARE));
             }
         };
         let slots = Slot::of(&columns, 1.0).into_iter().map(Some);
@@ -177,7 +177,7 @@ fn wavelength_unit(proof: &[Vec<f64>], k: usize, notices: &mut Notices) -> Resul
         () if all_in(LIGHT_NM) => (Column::WavelengthNm, "nm"),
         () => {
             let found = format!("Column {} does not read like wavelengths in nm or \u{b5}m.", k + 1);
-            return Err(Error::unusable("columns.wavelength", OPTION, found, DECLARE));
+            return Err(Error::undeclarable("columns.wavelength", DECLARED, found, DECLARE));
         }
     };
     let told = format!("Column {} was read as wavelengths in {unit}: its values say so, not the file.", k + 1);
@@ -197,7 +197,7 @@ fn judge(columns: &[Column]) -> Result<(), Error> {
         .collect();
     if !missing.is_empty() {
         let found = format!("No column holds {}.", missing.join(", "));
-        return Err(Error::unusable("columns.missing", OPTION, found, DECLARE));
+        return Err(Error::undeclarable("columns.missing", DECLARED, found, DECLARE));
     }
     let waves = count(Column::WavelengthNm) + count(Column::WavelengthUm);
     let unit_known = fluxes[1] + fluxes[2];
@@ -205,7 +205,7 @@ fn judge(columns: &[Column]) -> Result<(), Error> {
     if twice.is_some() || waves > 1 || (fluxes[0] > 0 && unit_known > 0) {
         let what = twice.map_or(if waves > 1 { "a wavelength" } else { "a flux" }, Column::name);
         let found = format!("More than one column holds {what}.");
-        return Err(Error::unusable("columns.twice", OPTION, found, DECLARE));
+        return Err(Error::undeclarable("columns.twice", DECLARED, found, DECLARE));
     }
     Ok(())
 }
@@ -226,7 +226,7 @@ fn judge_directions(columns: &[Column], proof: &[Vec<f64>]) -> Result<(), Error>
     let better = (2..columns.len()).map(|k| [k - 2, k - 1, k]).find(|at| hold(*at));
     let hint = better.map_or(String::new(), |[l, _, n]| format!(" Columns {} to {} are.", l + 1, n + 1));
     let found = format!("Columns {l}, {m} and {n} are no direction cosines: their squares do not sum to 1.{hint}");
-    Err(Error::unusable("columns.directions", OPTION, found, DECLARE))
+    Err(Error::undeclarable("columns.directions", DECLARED, found, DECLARE))
 }
 
 #[cfg(test)]

@@ -59,11 +59,6 @@ pub fn detect_start(start: &[u8], length: Option<u64>) -> Result<Option<Format>,
     Err(foreign::closed(start).unwrap_or_else(unknown))
 }
 
-/// The answer for a format that is known and not read.
-pub fn not_read(code: &'static str, what: &str) -> Error {
-    Error::refused(code, format!("This is {what}, which is not read yet."), EXPORT)
-}
-
 /// How archives begin. Those that are unpacked here come to this only where they are not, inside another one.
 const ARCHIVES: [(&[u8], &str); 8] = [
     (b"PK\x03\x04", "a zip archive"),

@@ -111,10 +111,7 @@ impl Header {
         let color = match field(20) {
             0 => Color::None,
             1 if luminous => Color::Tristimulus,
-            1 => {
-                let found = "The rays are tristimulus values, of which Y is luminous flux, but the data type is W.";
-                return Err(Error::malformed("lighttools.data_type", found, EXPORT_AGAIN).at_byte(12));
-            }
+            1 => return Err(tristimulus_in_w(12)),
             2 => Color::Wavelength,
             other => {
                 let known = "0 (none), 1 (tristimulus) and 2 (wavelength)";
@@ -132,7 +129,7 @@ impl Header {
             7 => Some(LengthUnit::Nanometre),
             other => {
                 let known = "0 to 7 (system, mm, cm, m, in, ft, um, nm)";
-                return Err(wrong("lighttools.unit", "length unit", other, known, 24));
+                return Err(wrong("lighttools.length_unit", "length unit", other, known, 24));
             }
         };
         let origin = [28, 32, 36].map(|at| f32_in(block, at));
@@ -235,6 +232,12 @@ impl Header {
     }
 }
 
+/// Tristimulus values are lm.
+pub fn tristimulus_in_w(at: u64) -> Error {
+    let found = "The rays are tristimulus values, of which Y is luminous flux, but the data type is W.";
+    Error::malformed("lighttools.data_type", found, EXPORT_AGAIN).at_byte(at)
+}
+
 /// Version 3 carries polarisation; its layout is not public in full.
 fn version(major: u32) -> Result<(), Error> {
     let remedy = "Export it again without polarisation, or use the source's IES TM-25 or Zemax binary file.";
@@ -251,15 +254,17 @@ fn version(major: u32) -> Result<(), Error> {
     }
 }
 
-/// Rays without start points have no surface to be laid on.
+/// What rays without start points are refused with: they have no surface to be laid on.
+pub fn far_field(at: u64) -> Error {
+    let found = "This is far-field data: its rays have directions and no start points.";
+    let remedy = "Export near-field rays; a source model needs to know where light starts.";
+    Error::refused("lighttools.far_field", found, remedy).at_byte(at)
+}
+
 fn near_field(flag: u32) -> Result<(), Error> {
     match flag {
         0 => Ok(()),
-        1 => {
-            let found = "This is far-field data: its rays have directions and no start points.";
-            let remedy = "Export near-field rays; a source model needs to know where light starts.";
-            Err(Error::refused("lighttools.far_field", found, remedy).at_byte(16))
-        }
+        1 => Err(far_field(16)),
         other => Err(wrong("lighttools.far_field", "far-field flag", other, "0 and 1", 16)),
     }
 }
@@ -372,8 +377,8 @@ mod tests {
             (&[(16, 1)], "lighttools.far_field"),
             (&[(16, 2)], "lighttools.far_field"),
             (&[(20, 3)], "lighttools.color_info"),
-            (&[(24, 8)], "lighttools.unit"),
-            (&[(24, u32::MAX)], "lighttools.unit"),
+            (&[(24, 8)], "lighttools.length_unit"),
+            (&[(24, u32::MAX)], "lighttools.length_unit"),
             (&[(20, 2)], "lighttools.size"),
         ];
         for (fields, expected) in cases {

@@ -7,6 +7,7 @@ use super::super::vocabulary::limits::Limits;
 use super::super::vocabulary::notice::Notices;
 use super::super::vocabulary::units::{Flux, LengthUnit};
 use super::declared::Column;
+use super::lighttools::{far_field, tristimulus_in_w};
 use super::lines::{Line, Lines, Separator};
 use super::rows::{Grammar, Rows, Slot, ray_columns, spectral};
 use super::{Bytes, Facts, Format, RaySet, TotalRule};
@@ -81,6 +82,9 @@ impl Header {
         let mut lines = Lines::of(bytes);
         while let Some(line) = lines.read_next()? {
             if line.text.eq_ignore_ascii_case(START) {
+                if header.color == ColorInfo::Tristimulus && header.luminous == Some(false) {
+                    return Err(tristimulus_in_w(line.at));
+                }
                 header.rows_at = lines.at();
                 return Ok(header);
             }
@@ -111,10 +115,14 @@ impl Header {
                 self.luminous = Some(match says.as_str() {
                     "radiant_power" | "radiant_flux" | "radiometric" => false,
                     "luminous_flux" | "luminous_power" | "photometric" => true,
-                    _ => return Err(wrong("lighttools.datatype", "only radiant_power and luminous_flux are known")),
+                    _ => return Err(wrong("lighttools.data_type", "only radiant_power and luminous_flux are known")),
                 });
             }
-            "lt_far_field_data" if matches!(says.as_str(), "yes" | "true" | "1") => return Err(far_field(line.at)),
+            "lt_far_field_data" => match says.as_str() {
+                "no" | "false" | "0" | "" => {}
+                "yes" | "true" | "1" => return Err(far_field(line.at)),
+                _ => return Err(wrong("lighttools.far_field", "only yes and no are known")),
+            },
             "lt_color_info" => {
                 self.color = match says.as_str() {
                     "none" | "no" | "" => ColorInfo::None,
@@ -189,12 +197,6 @@ impl Header {
             notices,
         }
     }
-}
-
-fn far_field(at: u64) -> Error {
-    let found = "The rays are far-field data: they have directions and no start points.";
-    Error::refused("lighttools.far_field", found, "Export the rays with their start points (near-field data).")
-        .at_byte(at)
 }
 
 /// Three numbers.
@@ -280,7 +282,8 @@ mod tests {
         assert_eq!(facts.length_unit, None);
         let (facts, rays) = opened(&file("lt_color", "lt_color_info: wavelength", "1 2 3 0 0 1 0.25 550")).unwrap();
         assert_eq!((rays[0].wavelength_nm, facts.spectral), (550.0, SpectralData::Wavelength));
-        let (facts, rays) = opened(&file("lt_color", "lt_color_info: tristimulus", "1 2 3 0 0 1 7 8 9")).unwrap();
+        let tristimulus = file("lt_color", "lt_color_info: tristimulus", "1 2 3 0 0 1 7 8 9");
+        let (facts, rays) = opened(&tristimulus.replace("radiant_power", "luminous_flux")).unwrap();
         assert_eq!((rays[0].xz, rays[0].luminous, facts.spectral), ([7.0, 9.0], 8.0, SpectralData::Tristimulus));
     }
 
@@ -297,8 +300,10 @@ mod tests {
         }
         let refused = [
             (file("lt_far", "lt_far_field_data: YES", ROW), "lighttools.far_field"),
-            (file("lt_datatype", "lt_datatype: photons", ROW), "lighttools.datatype"),
+            (file("lt_datatype", "lt_datatype: photons", ROW), "lighttools.data_type"),
+            (file("lt_far", "lt_far_field_data: some", ROW), "lighttools.far_field"),
             (file("lt_color", "lt_color_info: rgb", ROW), "lighttools.color_info"),
+            (file("lt_color", "lt_color_info: tristimulus", "1 2 3 0 0 1 7 8 9"), "lighttools.data_type"),
             (file("lt_length", "lt_length_units: parsec", ROW), "lighttools.length_unit"),
             (file("lt_data_origin", "lt_data_origin: 0 0", ROW), "lighttools.data_origin"),
             (file("lt_radiant", "lt_radiant_flux: much", ROW), "lighttools.total"),

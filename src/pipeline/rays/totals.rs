@@ -47,10 +47,18 @@ fn judge_by(rule: &str, facts: &Facts, sums: &Sums, flux: &Flux, notices: &mut N
         return Err(Error::refused("rays.no_flux", found, "Export the file again with flux per ray."));
     }
     if let Some(ratio) = ratio(facts, sums).filter(|ratio| (ratio - 1.0).abs() > RATIO_NOTICED) {
-        notices.add("rays.total_ratio", format!("The rays sum to {ratio:.6} times the header's total; {rule}."));
+        let times = six_digits(ratio);
+        notices.add("rays.total_ratio", format!("The rays sum to {times} times the header's total; {rule}."));
     }
     judge_efficacy(facts, flux, notices);
     Ok(())
+}
+
+/// `value`, positive, to six digits: more are rounding of f32 sums.
+fn six_digits(value: f64) -> f64 {
+    let scale = 10_f64.powf((5.0 - value.log10().floor()).max(0.0));
+    let rounded = (value * scale).round() / scale;
+    if rounded.is_finite() { rounded } else { value }
 }
 
 /// What the spectrum alone says, lm/W; `flux` are the totals of the rays.

@@ -212,7 +212,7 @@ async fn judge(api: &Api, access: &Access, new: &NewJob) -> Result<(), Problem> 
             }
             None => None,
         };
-        let declared = channel.resolve(index, points.as_deref())?;
+        let declared = channel.clone().or(&ray_set.declared).resolve(index, points.as_deref())?;
         let claims: pipeline::Claims = serde_json::from_str(&ray_set.header).map_err(|error| {
             tracing::error!(ray_set = ray_set.id, %error, "a stored header cannot be read");
             Problem::internal()

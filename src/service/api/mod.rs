@@ -12,6 +12,8 @@ pub mod problem;
 pub mod ranges;
 /// Ray files.
 pub mod ray_sets;
+/// The queries that files are sent with.
+pub mod sending;
 /// Spectra of channels.
 pub mod spectra;
 /// What is to be computed.

@@ -1,6 +1,7 @@
 //! `/v1/ray-sets`: ray files, as they came.
 
 use super::super::access::Access;
+use super::super::jobs::channels::FileDeclaration;
 use super::super::storage::inspections::{self, Drawing};
 use super::super::storage::ray_set_folder;
 use super::super::storage::ray_sets::{self, Deletion};
@@ -9,6 +10,7 @@ use super::Api;
 use super::extract::{Page, Path, Query, cut};
 use super::problem::Problem;
 use super::ranges::{Wanted, wanted};
+use super::sending::Sending;
 use axum::Json;
 use axum::body::Body;
 use axum::extract::State;
@@ -16,7 +18,7 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use serde_json::Value;
 use tokio_util::sync::CancellationToken;
 use utoipa::ToSchema;
@@ -42,6 +44,8 @@ pub struct RaySet {
     /// What it says of itself: format, ray count, totals, spectrum, and, but in lists, texts.
     #[schema(value_type = Object)]
     header: Value,
+    /// What was said of it as it was sent; its channels obey it in what they do not say themselves.
+    declared: FileDeclaration,
     /// What its rays say, with a verdict per check (`inspection.schema.json`); null in lists and for files taken in before
     /// there were inspections.
     #[schema(value_type = Option<Object>)]
@@ -102,6 +106,7 @@ impl From<ray_sets::RaySet> for RaySet {
             byte_count: row.byte_count,
             sha256: row.sha256,
             header: serde_json::from_str(&row.header).unwrap_or_default(),
+            declared: row.declared,
             inspection: None,
             packed: row.packed.map(|ray_sets::Packed { name, sha256 }| Packed { name, sha256 }),
             created_ms: row.created_ms,
@@ -138,29 +143,19 @@ impl RaySet {
     }
 }
 
-/// How an upload is called.
-#[derive(Debug, Deserialize, utoipa::IntoParams)]
-#[into_params(parameter_in = Query)]
-#[serde(deny_unknown_fields)]
-pub struct Naming {
-    /// What to call it; goes before `Content-Disposition`, decides nothing.
-    #[param(max_length = 255)]
-    pub name: Option<String>,
-}
-
 /// Takes in a ray file, or those in a packed one
 ///
 /// The body is the file. It is refused as soon as its beginning is wrong. A file that can be read is kept and inspected, ray by
 /// ray: whether a job would take it is `inspection.verdict`. A gzip, zstd or zip file is unpacked when all of it is there: each
-/// ray file in it is a ray set, and all become known together.
+/// ray file in it is a ray set, and all become known together. What the query declares holds for every one of them.
 #[utoipa::path(
     post, path = "/v1/ray-sets", tag = "ray sets", operation_id = "upload_ray_set",
     params(
-        Naming,
+        Sending,
         ("Repr-Digest" = Option<String>, Header, description = "`sha-256=:<base64>:` (RFC 9530): verified when sent"),
         ("Content-Digest" = Option<String>, Header, description = "as Repr-Digest"),
     ),
-    request_body(content = inline(super::Binary), content_type = "application/octet-stream", description = "IES TM-25 or Zemax binary, as it is or packed with gzip, zstd or zip"),
+    request_body(content = inline(super::Binary), content_type = "application/octet-stream", description = "a ray file (IES TM-25, Zemax, LightTools, Speos, ASAP, TracePro, text in columns), as it is or packed with gzip, zstd or zip"),
     responses(
         (status = 201, body = Taken, description = "taken in", headers(("Location" = String, description = "the ray set, or the list where there are several"))),
         (status = 400, body = Problem, content_type = "application/problem+json", description = "malformed file, header or query; truncated body; wrong digest"),
@@ -175,14 +170,15 @@ pub struct Naming {
 pub async fn upload(
     State(api): State<Api>,
     access: Access,
-    Query(naming): Query<Naming>,
+    Query(sending): Query<Sending>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response, Problem> {
     if api.draining.is_cancelled() {
         return Err(Problem::draining());
     }
-    let mut announcement = announcement(naming.name, &headers, "rays")?;
+    let declared = sending.declaration()?;
+    let mut announcement = Announcement { declared, ..announcement(sending.name, &headers, "rays")? };
     if announcement.byte_count.is_some_and(|bytes| bytes > api.intake.max_bytes) {
         return Err(upload::Error::TooLarge(api.intake.max_bytes).into());
     }

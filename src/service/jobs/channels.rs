@@ -51,6 +51,22 @@ pub struct Channel {
     pub flux: Option<ChannelFlux>,
 }
 
+/// What was said of a ray file as it was sent: how to read it where it does not say, and what goes before its own word. Its
+/// channels obey it in what they do not say themselves.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct FileDeclaration {
+    /// Unit of its positions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub length_unit: Option<LengthUnit>,
+    /// What its flux values are: W or lm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quantity: Option<QuantityName>,
+    /// What stands in each column, for text in columns only; names as in a channel.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(max_items = 64, example = json!(["x", "y", "z", "l", "m", "n", "flux"]))]
+    pub columns: Option<Vec<String>>,
+}
+
 /// A unit of length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
@@ -132,6 +148,16 @@ impl Channel {
         }
     }
 
+    /// The same, obeying `file` in what it does not say itself.
+    pub fn or(self, file: &FileDeclaration) -> Channel {
+        Channel {
+            length_unit: self.length_unit.or(file.length_unit),
+            quantity: self.quantity.or(file.quantity),
+            columns: self.columns.or_else(|| file.columns.clone()),
+            ..self
+        }
+    }
+
     /// The pipeline's own words for it. `index`: its place in the source; `uploaded`: the points of the spectrum it names.
     ///
     /// # Errors
@@ -149,6 +175,16 @@ impl Channel {
             spectrum: points.map(|points| table(index, points)).transpose()?,
             flux: self.flux.map(ChannelFlux::flux),
         })
+    }
+}
+
+impl FileDeclaration {
+    /// The pipeline's own words for it.
+    ///
+    /// # Errors
+    /// `rays.column_unknown`.
+    pub fn resolve(&self) -> Result<pipeline::Declared, Error> {
+        Channel::default().or(self).resolve(0, None)
     }
 }
 

@@ -248,7 +248,7 @@ impl Worker {
         for channel in query::channels(&self.storage.records, &claim.id).await.map_err(unread)? {
             let (ray_set, parts, spectrum) = self.stored(claim, &channel).await.map_err(unread)?;
             let bytes = Arc::new(Parts::new(self.storage.blobs.clone(), parts, Handle::current()));
-            let declared = channel.resolve(inputs.len(), spectrum.as_deref())?;
+            let declared = channel.or(&ray_set.declared).resolve(inputs.len(), spectrum.as_deref())?;
             inputs.push(Input { name: ray_set.name, sha256: ray_set.sha256, bytes, declared });
         }
         Ok(inputs)

@@ -2,6 +2,7 @@
 
 use super::super::access::quota::{Exceeded, Quota};
 use super::super::crash;
+use super::super::jobs::channels::FileDeclaration;
 use super::Error;
 use super::inspections::{self, Inspection};
 use super::parts::Part;
@@ -20,6 +21,8 @@ pub struct RaySet {
     pub sha256: String,
     /// What the file says of itself: the pipeline's header without its texts, as JSON. The inspection has it whole.
     pub header: String,
+    /// What was said of it as it was sent.
+    pub declared: FileDeclaration,
     /// The packed file it came in, if it did.
     pub packed: Option<Packed>,
     /// When it was complete, epoch ms.
@@ -57,6 +60,10 @@ pub enum Deletion {
     Missing,
 }
 
+fn unreadable(error: serde_json::Error) -> Error {
+    Error::Records(Box::new(error))
+}
+
 fn ray_set(row: &Row) -> Result<RaySet, Error> {
     Ok(RaySet {
         id: row.text("id")?,
@@ -64,6 +71,7 @@ fn ray_set(row: &Row) -> Result<RaySet, Error> {
         byte_count: row.count("byte_count")?,
         sha256: row.text("sha256")?,
         header: row.text("header")?,
+        declared: serde_json::from_str(&row.text("declared")?).map_err(unreadable)?,
         packed: row
             .optional_text("packed_name")?
             .zip(row.optional_text("packed_sha256")?)
@@ -100,13 +108,15 @@ pub async fn insert(
 async fn insert_one(transaction: &mut Transaction, tenant: &str, draft: Draft) -> Result<RaySet, Error> {
     let Draft { ray_set: new, parts, inspection } = draft;
     let insert = "INSERT INTO ray_sets (tenant, id, name, byte_count, sha256, header, packed_name, packed_sha256, \
-                  created_ms) VALUES ($1, $2, $3, $4, $5, $6, $7, $8, {now}) RETURNING created_ms";
+                  declared, created_ms) VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, {now}) RETURNING created_ms";
     let insert =
         sql(insert).bind(tenant).bind(new.id.as_str()).bind(new.name.as_str()).bind(new.byte_count.cast_signed());
     let insert = insert.bind(new.sha256.as_str()).bind(new.header.as_str());
     let packed = new.packed.as_ref();
     let insert = insert.bind(packed.map(|packed| packed.name.as_str()));
-    let rows = transaction.read(insert.bind(packed.map(|packed| packed.sha256.as_str()))).await?;
+    let insert = insert.bind(packed.map(|packed| packed.sha256.as_str()));
+    let declared = serde_json::to_string(&new.declared).map_err(unreadable)?;
+    let rows = transaction.read(insert.bind(declared)).await?;
     for (number, part) in parts.iter().enumerate() {
         let insert = sql("INSERT INTO parts (ray_set_id, number, byte_count, blob) VALUES ($1, $2, $3, $4)");
         let insert = insert.bind(new.id.as_str()).bind(number as i64);

@@ -102,6 +102,7 @@ fn rays(found: &Inspection, fault: Option<&Fault>) -> Check {
             format!("{used} rays can be used; {refused} cannot be meant and were refused, {dropped} carry no flux."),
             "The notices say why, and which ray was the first. Nothing, if these are few; else export the file again.",
         ),
+        None if used == 1 => ok(NAME, "Its one ray can be used."),
         None => ok(NAME, format!("All {used} rays can be used.")),
     }
 }

@@ -61,9 +61,9 @@ pub struct Header {
     pub has_luminous: bool,
     /// What the rays carry of the spectrum: "none", "table", "wavelength per ray", "table per ray", "tristimulus".
     pub spectrum: &'static str,
-    /// Length unit: "mm", …; `null` where it does not say.
+    /// Unit of length as the file or the user says: "mm", …; `null` where neither does.
     pub length_unit: Option<&'static str>,
-    /// It does not say whether its flux is W or lm.
+    /// Neither it nor the user says whether its flux is W or lm.
     pub quantity_unknown: bool,
     /// Wavelengths of its tables, nm; `null` without tables.
     pub table_range_nm: Option<(f64, f64)>,
@@ -155,8 +155,6 @@ pub struct Inspection {
     pub checks: Vec<Check>,
     /// What the file says of itself.
     pub header: Header,
-    /// Unit of length as the file or the user says; `null` where neither does.
-    pub length_unit: Option<&'static str>,
     /// Rays that can be used.
     pub rays_used: u64,
     /// Rays that cannot be meant.
@@ -329,7 +327,6 @@ impl Inspection {
             verdict: Verdict::Ok,
             checks: Vec::new(),
             header: Header::of(facts, byte_count),
-            length_unit: facts.length_unit.map(|unit| unit.symbol()),
             rays_used: survey.rays_used,
             rays_refused: reading.refused,
             rays_dropped: reading.dropped,

@@ -1,0 +1,47 @@
+//! The queries that files are sent with: a name, and how to read a ray file that does not say.
+
+use super::super::jobs::channels::{FileDeclaration, LengthUnit, QuantityName};
+use super::super::upload::in_query;
+use super::problem::Problem;
+use serde::Deserialize;
+
+/// How an upload is called.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct Naming {
+    /// What to call it; goes before `Content-Disposition`, decides nothing.
+    #[param(max_length = 255)]
+    pub name: Option<String>,
+}
+
+/// How a ray file is called, and what is declared of it or of every file in it.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct Sending {
+    /// What to call it; goes before `Content-Disposition`, decides nothing.
+    #[param(max_length = 255)]
+    pub name: Option<String>,
+    /// Unit of its positions; goes before the file's own word.
+    length_unit: Option<LengthUnit>,
+    /// What its flux values are, W or lm; goes before the file's own word.
+    quantity: Option<QuantityName>,
+    /// What stands in each column, for text in columns only, with commas between: x, y, z, l, m, n, flux, radiant_flux,
+    /// luminous_flux, wavelength_nm, wavelength_um, tristimulus_x, tristimulus_z, ignored.
+    #[param(example = "x,y,z,l,m,n,flux")]
+    columns: Option<String>,
+}
+
+impl Sending {
+    /// What it declares.
+    ///
+    /// # Errors
+    /// `rays.column_unknown`.
+    pub fn declaration(&self) -> Result<FileDeclaration, Problem> {
+        let columns = self.columns.as_ref().map(|list| list.split(',').map(|name| name.trim().to_owned()).collect());
+        let declared = FileDeclaration { length_unit: self.length_unit, quantity: self.quantity, columns };
+        declared.resolve().map_err(in_query)?;
+        Ok(declared)
+    }
+}
