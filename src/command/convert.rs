@@ -1,9 +1,10 @@
 //! `convert`: a ray file as another, for programs that read only one of them.
 
+use super::Failure;
+use super::declaration::{self, ChannelFile};
 use super::inspect::notice_rows;
 use super::progress::Progress;
 use super::table::{Table, count, flux};
-use super::{Failure, file};
 use crate::pipeline::rays::convert::{self, Converted, Failed, Target};
 use crate::pipeline::vocabulary::watch::StageWatch;
 use crate::pipeline::{Input, Limits, Stage};
@@ -15,8 +16,9 @@ use std::path::{Path, PathBuf};
 /// Arguments of `convert`.
 #[derive(Args)]
 pub struct Arguments {
-    /// The ray file, in any format that is read.
-    file: PathBuf,
+    /// The ray file, in any format that is read; or FILE:MEMBER of a packed one. What follows a comma goes before its own word.
+    #[arg(value_name = "FILE[,KEY=VALUE]..", value_parser = declaration::channel, long_help = declaration::HELP)]
+    file: ChannelFile,
     /// The file to write: .tm25ray is IES TM-25, .dat and .sdf are Zemax binary.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -67,9 +69,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         let found = "The file to write is there already.";
         return Err(Failure::usage("convert.exists", found, "Name another, or give --force.").at(place()));
     }
-    let input = file::open(&arguments.file)?;
+    let (input, notices) = arguments.file.open()?;
     let converted = write(&input, format.target(), path)?;
-    print!("{}", summary(&input, &converted, format, path));
+    let mut table = summary(&input, &converted, format, path);
+    notice_rows(&mut table, &notices);
+    print!("{table}");
     Ok(())
 }
 
@@ -132,7 +136,8 @@ mod tests {
     }
 
     fn asked(file: &Path, output: &Path) -> Arguments {
-        Arguments { file: file.to_owned(), output: output.to_owned(), format: None, force: false }
+        let file = declaration::channel(file.to_str().unwrap()).unwrap();
+        Arguments { file, output: output.to_owned(), format: None, force: false }
     }
 
     fn names(folder: &Path) -> Vec<String> {

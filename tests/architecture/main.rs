@@ -54,7 +54,7 @@ const PIPELINE_CRATES: [&str; 13] = [
 const WORLD: [&str; 6] = ["env", "fs", "net", "process", "thread", "time"];
 
 /// One foreign library, one file (or folder): whoever replaces it reads no other.
-const HOMES: [(&str, &str); 18] = [
+const HOMES: [(&str, &str); 19] = [
     ("flate2", "pipeline/rays/container"),
     ("ruzstd", "pipeline/rays/container/zstd"),
     ("obvhs", "pipeline/flux/bvh"),
@@ -72,6 +72,7 @@ const HOMES: [(&str, &str); 18] = [
     ("opentelemetry_otlp", "service/telemetry/traces"),
     ("opentelemetry_sdk", "service/telemetry/traces"),
     ("tracing_opentelemetry", "service/telemetry/traces"),
+    ("rustls", "service/tls"),
     ("indicatif", "command/progress"),
 ];
 

@@ -10,8 +10,11 @@ pub mod seeds;
 
 pub use libfuzzer_sys;
 
+use pipeline::rays::RawRay;
 use pipeline::vocabulary::limits::Limits;
-use pipeline::{Declared, Error, Input, LengthUnit, Options, Quantity, Unwatched, header, inspect, peek, run};
+use pipeline::{
+    Content, Declared, Error, Input, LengthUnit, Options, Quantity, Unwatched, header, inspect, peek, run, unpack,
+};
 use std::sync::{Arc, Once};
 
 /// What the bytes of a target are.
@@ -69,6 +72,8 @@ fn limits() -> Limits {
         max_text_bytes: 1 << 16,
         max_lattice_cells: 1 << 16,
         max_tally_values: 1 << 20,
+        max_expanded_bytes: 1 << 22,
+        max_members: 16,
         ..Limits::default()
     }
 }
@@ -79,11 +84,7 @@ fn input(data: &[u8], declared: Declared) -> Input {
 
 /// What a user says where files do not.
 fn said() -> Declared {
-    Declared {
-        length_unit: Some(LengthUnit::Millimetre),
-        quantity: Some(Quantity::Radiant),
-        ..Declared::default()
-    }
+    Declared { length_unit: Some(LengthUnit::Millimetre), quantity: Some(Quantity::Radiant), ..Declared::default() }
 }
 
 /// Everything on this thread: the same bytes always take the same way.
@@ -158,8 +159,16 @@ fn random_access(input: &Input, ray_count: u64) {
     let read = set.records.read(first, (ray_count - first) as usize, &mut half);
     assert!(read.is_ok(), "a part of readable rays cannot be read");
     assert_eq!(whole.len() as u64, ray_count);
-    // As text, because NaN is not equal to itself.
-    assert_eq!(format!("{:?}", &whole[first as usize..]), format!("{half:?}"));
+    assert!(
+        whole[first as usize..].iter().map(bits).eq(half.iter().map(bits)),
+        "a part is not what it is in the whole"
+    );
+}
+
+/// A ray's numbers as bits: NaN is not equal to itself.
+fn bits(ray: &RawRay) -> [u64; 12] {
+    let RawRay { origin_mm: [x, y, z], direction: [l, m, n], radiant, luminous, wavelength_nm, table, xz } = *ray;
+    [x, y, z, l, m, n, radiant, luminous, wavelength_nm, f64::from(table), xz[0], xz[1]].map(f64::to_bits)
 }
 
 /// An upload all the way: artifacts whose light balances, or an answer about the bytes.
@@ -182,12 +191,34 @@ fn upload(data: &[u8]) {
     pipeline::artifacts::zip(&outcome.artifacts).expect("a zip in memory");
 }
 
-/// Packed files at the front door.
+/// Packed files: what comes out of them is bounded, and read like any other file.
 fn packed(data: &[u8]) {
-    file(&input(data, Declared::default()));
+    let limits = limits();
+    let bytes = data.to_vec();
+    let mut files: Vec<Vec<u8>> = Vec::new();
+    let unpacked = unpack(&bytes, "fuzz", &limits, |name, content| -> Result<(), Error> {
+        assert!(!name.chars().any(char::is_control), "{name:?}");
+        let Content::Open(mut member) = content else { return Ok(()) };
+        let (mut whole, mut block) = (Vec::new(), [0; 4096]);
+        loop {
+            match member.read(&mut block)? {
+                0 => break,
+                count => whole.extend(&block[..count]),
+            }
+        }
+        files.push(whole);
+        Ok(())
+    });
+    about_the_bytes(unpacked);
+    let out: usize = files.iter().map(Vec::len).sum();
+    assert!(out as u64 <= limits.max_expanded_bytes, "{out} bytes came out");
+    files.iter().take(2).for_each(|bytes| file(&input(bytes, Declared::default())));
 }
 
-/// A spectrum beside rays: at the front door it is a file like any other.
+/// A file that holds the spectrum of a channel.
 fn spectrum(data: &[u8]) {
-    file(&input(data, Declared::default()));
+    let Some(read) = about_the_bytes(pipeline::spectrum(data)) else { return };
+    let (low, high) = read.table.range_nm();
+    assert!(low > 0.0 && low <= high && high.is_finite(), "{low} to {high} nm");
+    assert!(read.table.lm_per_w() >= 0.0 && read.table.lm_per_w() <= 684.0, "{} lm/W", read.table.lm_per_w());
 }

@@ -37,11 +37,9 @@ pub fn of(kind: Kind) -> Vec<Vec<u8>> {
         ],
         Kind::Container => packed(&zemax(Rows::Radiant, &rays)),
         Kind::SpectrumFile => spectra(),
-        Kind::Upload => Kind::ALL
-            .into_iter()
-            .filter(|(kind, _)| *kind != Kind::Upload)
-            .flat_map(|(kind, _)| of(kind))
-            .collect(),
+        Kind::Upload => {
+            Kind::ALL.into_iter().filter(|(kind, _)| *kind != Kind::Upload).flat_map(|(kind, _)| of(kind)).collect()
+        }
     }
 }
 
@@ -192,7 +190,8 @@ fn prosource(rays: &[RawRay]) -> Vec<u8> {
 fn text(rays: &[RawRay], separator: &str, wavelength: bool) -> String {
     let line = |ray: &RawRay| {
         let nm = wavelength.then_some(ray.wavelength_nm);
-        let numbers: Vec<String> = place(ray).chain([ray.radiant]).chain(nm).map(|value| format!("{value:.7}")).collect();
+        let numbers: Vec<String> =
+            place(ray).chain([ray.radiant]).chain(nm).map(|value| format!("{value:.7}")).collect();
         numbers.join(separator) + "\n"
     };
     rays.iter().map(line).collect()

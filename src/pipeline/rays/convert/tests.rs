@@ -113,7 +113,7 @@ fn relative_rays_are_scaled_to_the_headers_total_and_useless_ones_left_out() {
 
 #[test]
 fn tm25_keeps_every_kind_of_spectrum() {
-    let tables = vec![vec![(440.0, 0.5), (450.0, 1.0)], vec![(620.0, 0.5), (650.0, 1.0)]];
+    let tables = [vec![(440.0, 0.5), (450.0, 1.0)], vec![(620.0, 0.5), (650.0, 1.0)]];
     let kinds = [
         (SpectralId::None, Flags { luminous: true, tristimulus: true, ..W }, 0),
         (SpectralId::One, W, 0),

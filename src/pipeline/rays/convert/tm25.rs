@@ -9,7 +9,7 @@ use super::super::tm25::additional::Additional;
 use super::super::tm25::header::{Flags, Header, SpectralId, TEXT_NAMES};
 use super::super::tm25::{Preamble, spectra::Spectra};
 use super::super::{Facts, Format, Input, SpectralData};
-use super::{text, total};
+use super::{called, text, total};
 
 /// Creation method where the file does not say: neither a simulation (0) nor a measurement (1); ams OSRAM writes the same.
 const METHOD_UNKNOWN: i32 = -1;
@@ -34,8 +34,8 @@ pub fn preamble(input: &Input, channel: &Channel, notices: &mut Notices) -> Resu
     let ranged = matches!(spectral_id, SpectralId::PerRay | SpectralId::OneTable | SpectralId::IndexPerRay);
     let header = Header {
         creation_method: text(facts, "creation_method").parse().unwrap_or(METHOD_UNKNOWN),
-        luminous_lm: total(facts.header_flux.luminous_lm, channel.flux.luminous_lm),
-        radiant_w: total(facts.header_flux.radiant_w, channel.flux.radiant_w),
+        luminous_lm: total(channel, |flux| flux.luminous_lm),
+        radiant_w: total(channel, |flux| flux.radiant_w),
         ray_count: channel.survey.rays_used,
         date: text(facts, "creation_date").to_owned(),
         start_position: text(facts, "start_position").parse().unwrap_or(0),
@@ -96,8 +96,7 @@ fn texts(input: &Input, facts: &Facts) -> [String; 9] {
         return TEXT_NAMES.map(|name| text(facts, name).to_owned());
     }
     let mut texts: [String; 9] = Default::default();
-    let described = [input.declared.name.as_deref().unwrap_or(""), text(facts, "description"), &input.name];
-    texts[0] = described.into_iter().find(|name| !name.is_empty()).unwrap_or("").to_owned();
+    texts[0] = called(input, facts).to_owned();
     texts[4] = format!("lampwright {}", env!("CARGO_PKG_VERSION"));
     texts[7] = format!("Converted from {} file {}, SHA-256 {}.", facts.format.name(), input.name, input.sha256);
     texts

@@ -4,8 +4,8 @@ use super::super::super::Error;
 use super::super::super::vocabulary::notice::Notices;
 use super::super::source::Channel;
 use super::super::zemax_writer::{Header, Rows};
-use super::super::{Facts, Format, Input, SpectralData};
-use super::text;
+use super::super::{Facts, Input, SpectralData};
+use super::called;
 
 /// The header for the rays of `channel`.
 ///
@@ -21,7 +21,7 @@ pub fn header(input: &Input, channel: &Channel, notices: &mut Notices) -> Result
     let flux = if rows == Rows::Luminous { channel.flux.luminous_lm } else { channel.flux.radiant_w };
     Ok(Header {
         ray_count,
-        description: description(input, facts),
+        description: called(input, facts).to_owned(),
         flux: flux.unwrap_or(0.0),
         wavelength_nm: one_wavelength(facts, notices),
         rows,
@@ -68,16 +68,4 @@ fn one_wavelength(facts: &Facts, notices: &mut Notices) -> Option<f64> {
     let told = "A Zemax file has no place for the spectrum of its rays; keep it beside the file.";
     notices.add("convert.spectrum_left_out", told);
     None
-}
-
-fn description(input: &Input, facts: &Facts) -> String {
-    let own = match facts.format {
-        Format::Tm25 => text(facts, "source_name"),
-        _ => text(facts, "description"),
-    };
-    [input.declared.name.as_deref().unwrap_or(""), own, &input.name]
-        .into_iter()
-        .find(|name| !name.is_empty())
-        .unwrap_or("")
-        .to_owned()
 }
