@@ -1,7 +1,7 @@
 //! The command line: reads arguments and nothing else. `lampwright --help` is its documentation.
 
 use clap::{Parser, Subcommand};
-use lampwright::command::{Failure, build, convert, health, inspect, openapi, sample, serve};
+use lampwright::command::{Failure, backup, build, convert, health, inspect, keys, openapi, sample, serve, tenants};
 use std::process::ExitCode;
 
 /// Turns a light source's ray file into a continuous source model: hull mesh with spectra, zonal goniograms, IES files.
@@ -28,6 +28,12 @@ enum Verb {
     Convert(convert::Arguments),
     /// Write a known source as an IES TM-25 ray file.
     Sample(sample::Arguments),
+    /// Make, list, rotate and revoke the keys of a service.
+    Keys(keys::Arguments),
+    /// Say what the tenants of a service may use.
+    Tenants(tenants::Arguments),
+    /// Copy everything a service keeps, while it runs.
+    Backup(backup::Arguments),
     /// Print the OpenAPI contract of the service.
     Openapi,
     /// Ask a running service whether it is well; for container health checks.
@@ -42,6 +48,9 @@ fn main() -> ExitCode {
         Verb::Inspect(arguments) => inspect::run(&arguments),
         Verb::Convert(arguments) => convert::run(&arguments),
         Verb::Sample(arguments) => sample::run(&arguments),
+        Verb::Keys(arguments) => keys::run(arguments),
+        Verb::Tenants(arguments) => tenants::run(arguments),
+        Verb::Backup(arguments) => backup::run(&arguments),
         Verb::Openapi => openapi::run(),
         Verb::Health(arguments) => health::run(&arguments),
     };

@@ -13,6 +13,10 @@ mod argument;
 mod declaration;
 /// Aligned text for people.
 mod table;
+/// The stores of a service, for who looks after it.
+mod stores;
+/// What clients may ask of a service.
+mod bounds;
 /// `serve`: the service.
 pub mod serve;
 /// `build`: the pipeline without a server.
@@ -25,6 +29,12 @@ pub mod convert;
 pub mod sample;
 /// `openapi`: the contract.
 pub mod openapi;
+/// `keys`: who may use the service.
+pub mod keys;
+/// `tenants`: how much each may use.
+pub mod tenants;
+/// `backup`: a copy of everything.
+pub mod backup;
 /// `health`: is a running service well?
 pub mod health;
 

@@ -2,6 +2,7 @@
 //! there is something to look at within seconds.
 
 use super::Failure;
+use super::bounds::Bounds;
 use crate::pipeline::Limits;
 use crate::pipeline::rays::synthetic;
 use crate::service::telemetry::{self, LogFormat};
@@ -51,6 +52,12 @@ pub struct Arguments {
     /// Largest file taken, and most bytes that a packed one may unpack to [default: 64 GiB].
     #[arg(long, env = "LAMPWRIGHT_MAX_UPLOAD", value_name = "BYTES")]
     max_upload: Option<u64>,
+    /// Ask for keys. Where others can reach the service it always does, and refuses to start without any: make the first with
+    /// `lampwright keys create`, or say `on` and make it later.
+    #[arg(long, env = "LAMPWRIGHT_AUTH", value_enum, default_value_t)]
+    auth: Auth,
+    #[command(flatten)]
+    bounds: Bounds,
     /// Seconds that running jobs and open connections get when the service stops [default: 10].
     #[arg(long, env = "LAMPWRIGHT_GRACE", value_name = "SECONDS")]
     grace: Option<u64>,
@@ -72,6 +79,15 @@ pub struct Arguments {
     /// How log lines look.
     #[arg(long, env = "LAMPWRIGHT_LOG_FORMAT", value_enum, default_value_t)]
     log_format: LogLines,
+}
+
+#[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+enum Auth {
+    /// Where others than this machine can reach the service.
+    #[default]
+    Auto,
+    /// Always.
+    On,
 }
 
 #[derive(Clone, Copy, Default, ValueEnum)]
@@ -120,7 +136,8 @@ impl Arguments {
             max_upload_bytes,
             limits: Limits { max_expanded_bytes: max_upload_bytes, ..defaults.limits },
             grace: self.grace.map_or(defaults.grace, Duration::from_secs),
-            ..defaults
+            auth: self.auth == Auth::On,
+            ..self.bounds.over(defaults)
         }
     }
 }
@@ -134,7 +151,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         LogLines::Text => LogFormat::Text,
         LogLines::Json => LogFormat::Json,
     };
-    telemetry::init(format, &arguments.log);
+    let _telemetry = telemetry::init(format, &arguments.log);
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build();
     let runtime = runtime.map_err(|error| {
         Failure::failed("serve.runtime", error.to_string(), "Allow this process more threads and files.")
@@ -148,16 +165,16 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 async fn serve(arguments: &Arguments) -> Result<(), Failure> {
     let stop = stopping()?;
     let config = arguments.config();
-    // A database of its own is a first start; one that others share is not to be filled by each of them.
-    let unwanted = arguments.no_sample || !config.is_alone();
+    let asks_for_keys = config.asks_for_keys();
+    // A database of its own is a first start; one that others share is not to be filled by each of them. And with keys, the
+    // sample would be a tenant's whom nobody asked.
+    let unwanted = arguments.no_sample || asks_for_keys || !config.is_alone();
     let service = Service::start(config).await?;
     let site = format!("http://{}", reachable(service.address()));
     println!("Lampwright {} is at {site}", env!("CARGO_PKG_VERSION"));
     println!("  documentation   {site}/docs");
-    println!("  send a file     curl -X POST -T FILE '{site}/v1/ray-sets?name=FILE'");
-    if !service.address().ip().is_loopback() {
-        tracing::warn!(address = %service.address(), "whoever reaches this address can use it: no keys are asked for");
-    }
+    let key = if asks_for_keys { " -H \"Authorization: Bearer $KEY\"" } else { "" };
+    println!("  send a file     curl -X POST{key} -T FILE '{site}/v1/ray-sets?name=FILE'");
     if let Some(sample) = begin(&service, unwanted).await? {
         println!("  built-in sample {site}/v1/jobs/{}  ({SAMPLE}, {SAMPLE_RAYS} rays)", sample.job);
         tokio::spawn(tell_when_done(service.router(), site, sample));
@@ -231,6 +248,11 @@ impl From<StartError> for Failure {
             StartError::Folder { .. } => ("serve.folder", "Name another with --data, or see to its permissions."),
             StartError::Locked(_) => ("serve.locked", "Stop the other process, or name another folder with --data."),
             StartError::Listen { .. } => ("serve.listen", "Name another with --listen; port 0 takes any free one."),
+            StartError::NoKeys(_) => (
+                "serve.no_keys",
+                "Make one for this database: lampwright keys create --tenant NAME. Or start with --auth on and make it later, \
+                 or listen on 127.0.0.1.",
+            ),
             StartError::Storage(_) => (
                 "serve.storage",
                 "See that the data folder is whole and has room, and that the engines named by DATABASE_URL and STORAGE_URL answer.",

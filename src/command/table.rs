@@ -56,6 +56,21 @@ pub fn count(value: u64) -> String {
     text
 }
 
+/// A moment given in epoch ms: 2026-11-22 04:05 UTC.
+pub fn moment(epoch_ms: i64) -> String {
+    let (day, minute) = (epoch_ms.div_euclid(86_400_000), epoch_ms.rem_euclid(86_400_000) / 60_000);
+    // Days since 1 March of year 0, when leap days come last: eras of 400 years, each of 146 097 days.
+    let since = day + 719_468;
+    let (era, of_era) = (since.div_euclid(146_097), since.rem_euclid(146_097));
+    let year_of_era = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let shifted = (5 * of_year + 2) / 153;
+    let date = of_year - (153 * shifted + 2) / 5 + 1;
+    let month = if shifted < 10 { shifted + 3 } else { shifted - 9 };
+    let year = 400 * era + year_of_era + i64::from(month <= 2);
+    format!("{year}-{month:02}-{date:02} {:02}:{:02} UTC", minute / 60, minute % 60)
+}
+
 /// A number to 5 significant digits.
 pub fn number(value: f64) -> String {
     // The magnitude after rounding: 0.99999999 is written as 1.0000.
@@ -102,6 +117,15 @@ mod tests {
             table.to_string(),
             "flux     in        1 lm\n         rejected  0 lm\nnotices  a sentence that is longer than any column\n"
         );
+    }
+
+    #[test]
+    fn a_moment_is_a_date_and_a_time() {
+        // date -u -d @951868799, and so on.
+        let moments = [951_868_799_999, 0, -1, 4_102_444_800_000, 1_709_164_800_000].map(moment);
+        let expected =
+            ["2000-02-29 23:59", "1970-01-01 00:00", "1969-12-31 23:59", "2100-01-01 00:00", "2024-02-29 00:00"];
+        assert_eq!(moments, expected.map(|text| format!("{text} UTC")));
     }
 
     #[test]

@@ -1,5 +1,8 @@
 //! What an operator may choose. Plain values: the command line reads arguments and environment into it.
 
+use super::access::quota::Quota;
+use super::connections::Bounds;
+use super::pace::Slowest;
 use crate::pipeline;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
@@ -45,8 +48,24 @@ pub struct Config {
     pub storage_url: Option<String>,
     /// Largest file taken, and largest ray file in a packed one, bytes.
     pub max_upload_bytes: u64,
-    /// Longest silence in an upload before it is given up.
-    pub upload_idle: Duration,
+    /// The slowest upload that is not given up.
+    pub slowest: Slowest,
+    /// Ask for keys on loopback too; elsewhere they always are.
+    pub auth: bool,
+    /// Web pages of these origins may use the service: `https://portal.example`.
+    pub cors_origins: Vec<String>,
+    /// What a tenant may use that has no quota of its own.
+    pub quota: Quota,
+    /// Requests a second that a key may make on and on.
+    pub rate_per_second: u32,
+    /// Requests that a key may make at once after a rest.
+    pub rate_burst: u32,
+    /// What connections may ask of this process.
+    pub bounds: Bounds,
+    /// Bytes kept free on local disks: with less, no upload is taken.
+    pub keep_free: u64,
+    /// What is kept, and for how long.
+    pub retention: Retention,
     /// Jobs computed at once.
     pub concurrency: usize,
     /// Threads each of them computes on.
@@ -65,6 +84,17 @@ pub struct Config {
     pub limits: pipeline::Limits,
 }
 
+/// What is kept, and for how long.
+#[derive(Clone, Copy, Debug)]
+pub struct Retention {
+    /// Ended jobs and their artifacts, from their end; `None`: until somebody deletes them.
+    pub jobs: Option<Duration>,
+    /// Ray sets, from their last use; `None`: until somebody deletes them.
+    pub ray_sets: Option<Duration>,
+    /// How often to look.
+    pub every: Duration,
+}
+
 impl Config {
     /// The defaults, with everything kept in the folder `data`.
     pub fn new(data: impl Into<PathBuf>) -> Config {
@@ -75,7 +105,16 @@ impl Config {
             database_url: None,
             storage_url: None,
             max_upload_bytes: 64 << 30,
-            upload_idle: Duration::from_secs(60),
+            // A kilobyte a second: a poor radio link is faster.
+            slowest: Slowest { interval: Duration::from_secs(60), bytes: 60 << 10 },
+            auth: false,
+            cors_origins: Vec::new(),
+            quota: Quota::default(),
+            rate_per_second: 50,
+            rate_burst: 200,
+            bounds: Bounds { connections: 512, head: Duration::from_secs(20), unread: Duration::from_secs(60) },
+            keep_free: 512 << 20,
+            retention: Retention { jobs: None, ray_sets: None, every: Duration::from_mins(10) },
             concurrency: 2,
             threads: available_parallelism().map_or(1, usize::from),
             max_attempts: 3,
@@ -90,6 +129,18 @@ impl Config {
     /// How often a worker renews its lease, tells of its progress and hears of a cancellation.
     pub fn beat(&self) -> Duration {
         (self.lease / 3).min(Duration::from_secs(1))
+    }
+
+    /// Whether keys are asked for: always, but where only this machine can reach the service.
+    pub fn asks_for_keys(&self) -> bool {
+        self.auth || !self.listen.ip().to_canonical().is_loopback()
+    }
+
+    /// The local folders that are written to.
+    pub fn local_folders(&self) -> Vec<PathBuf> {
+        let records = self.database_url().starts_with("sqlite:").then(|| self.data.clone());
+        let blobs = self.storage_url().strip_prefix("file:").map(PathBuf::from);
+        records.into_iter().chain(blobs).collect()
     }
 
     /// True when both stores are on this machine and belong to one process at a time. Then a lock on the data folder proves

@@ -4,33 +4,49 @@
 pub mod config;
 /// Logs.
 pub mod telemetry;
+/// Numbers.
+pub mod metrics;
+/// Who may do what.
+pub mod access;
 /// Points at which a test makes the process die.
 pub mod crash;
 /// Which cryptography TLS uses.
 pub mod tls;
 /// What outlives the process: rows and blobs.
 pub mod storage;
+/// Takes connections.
+pub mod connections;
+/// How fast a body must come.
+pub mod pace;
 /// Takes in a ray file.
 pub mod upload;
 /// What is in a packed one.
 mod unpack;
 /// What is to be computed, and who computes it.
 pub mod jobs;
+/// What is kept no longer.
+pub mod retention;
+/// A copy of everything.
+pub mod backup;
 /// The service's face.
 pub mod api;
 
 pub use config::{Config, Role};
 
+use access::rate::RateLimit;
+use access::{DEFAULT_TENANT, Door, keys};
 use api::Api;
 use axum::Router;
 use jobs::channels::NewJob;
 use jobs::queue::{self, Queue};
 use jobs::worker::{Runner, Worker, pipeline_runner};
+use metrics::Metrics;
 use std::fs::{File, TryLockError};
 use std::io;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
+use storage::space::Space;
 use storage::{Storage, garbage};
 use tokio::io::AsyncRead;
 use tokio::net::TcpListener;
@@ -63,6 +79,9 @@ pub enum StartError {
         /// Why.
         error: io::Error,
     },
+    /// Others could reach it, and nobody has a key.
+    #[error("at {0} others can reach this service, and it has no keys yet")]
+    NoKeys(SocketAddr),
     /// A store cannot be opened.
     #[error(transparent)]
     Storage(#[from] storage::Error),
@@ -100,8 +119,8 @@ pub struct Service {
     address: SocketAddr,
     slots: JoinSet<()>,
     release: CancellationToken,
-    /// Looks for garbage as long as the service lives.
-    _garbage: AbortOnDropHandle<()>,
+    /// Looks for garbage, and for what is kept no longer, as long as the service lives.
+    _upkeep: JoinSet<()>,
     /// Held as long as the service lives: proves that nobody else works in the data folder.
     _lock: Option<File>,
 }
@@ -123,7 +142,14 @@ impl Service {
         tls::install();
         let lock = if config.is_alone() { Some(lock(&config.data)?) } else { None };
         let storage = Storage::open(&config.database_url(), &config.storage_url()).await?;
+        // Safe, and of no use to anybody: most likely the keys are elsewhere. Who means it says so.
+        let answers_nobody = config.role.answers() && config.asks_for_keys() && !config.auth;
+        if answers_nobody && !keys::any(&storage.records).await? {
+            return Err(StartError::NoKeys(config.listen));
+        }
+        let metrics = Metrics::new();
         let queue = Queue::new(storage.clone(), config.lease, config.max_attempts);
+        let queue = queue.bounded(config.quota, metrics.clone());
         if lock.is_some() {
             // The lock proves that whoever ran these jobs and wrote these blobs is gone. Where there is none, leases and
             // the age of what lies about say it later.
@@ -131,7 +157,9 @@ impl Service {
             garbage::collect(&storage, Duration::ZERO).await?;
         }
         tracing::info!(alone = lock.is_some(), role = ?config.role, "storage opened");
-        let garbage = AbortOnDropHandle::new(tokio::spawn(collect_garbage(storage.clone(), config.clone())));
+        let mut upkeep = JoinSet::new();
+        upkeep.spawn(collect_garbage(storage.clone(), config.clone()));
+        upkeep.spawn(retention::keep_up(storage.clone(), queue.clone(), config.retention));
         let listen = |error| StartError::Listen { address: config.listen, error };
         let listener = TcpListener::bind(config.listen).await.map_err(listen)?;
         let address = listener.local_addr().map_err(listen)?;
@@ -144,6 +172,7 @@ impl Service {
             poll: config.poll,
             beat: config.beat(),
             patience: config.lease.saturating_mul(10),
+            metrics: metrics.clone(),
             stop: stop.clone(),
             release: release.clone(),
         };
@@ -151,10 +180,23 @@ impl Service {
             true => worker.spawn(config.concurrency, config.threads)?,
             false => JoinSet::new(),
         };
-        let (max_bytes, idle, limits) = (config.max_upload_bytes, config.upload_idle, config.limits);
-        let intake = Intake { storage: storage.clone(), max_bytes, idle, limits };
-        let api = Api { storage, queue, intake, draining: stop };
-        Ok(Service { config, api, listener, address, slots, release, _garbage: garbage, _lock: lock })
+        let api = Service::api(&config, storage, queue, metrics, stop);
+        Ok(Service { config, api, listener, address, slots, release, _upkeep: upkeep, _lock: lock })
+    }
+
+    fn api(config: &Config, storage: Storage, queue: Queue, metrics: Metrics, draining: CancellationToken) -> Api {
+        let (max_bytes, slowest, limits) = (config.max_upload_bytes, config.slowest, config.limits);
+        let rate = RateLimit::new(config.rate_per_second, config.rate_burst);
+        Api {
+            intake: Intake { storage: storage.clone(), max_bytes, slowest, quota: config.quota, limits },
+            door: Door::new(storage.records.clone(), config.asks_for_keys(), rate),
+            origins: config.cors_origins.clone().into(),
+            space: Space::new(config.local_folders(), config.keep_free),
+            storage,
+            queue,
+            metrics,
+            draining,
+        }
     }
 
     /// Where it listens.
@@ -177,10 +219,10 @@ impl Service {
     /// [`SubmitError`]; nothing is left behind, but for ray sets when only a job fails.
     pub async fn submit(&self, name: &str, reader: impl AsyncRead) -> Result<Vec<Submitted>, SubmitError> {
         let announcement = Announcement { name: name.to_owned(), ..Announcement::default() };
-        let taken = self.api.intake.take(announcement, ReaderStream::new(reader)).await?;
+        let taken = self.api.intake.take(DEFAULT_TENANT, announcement, ReaderStream::new(reader)).await?;
         let mut submitted = Vec::new();
         for ray_set in taken.ray_sets.into_iter().map(|ray_set| ray_set.id) {
-            let job = self.api.queue.enqueue(&NewJob::of(&ray_set)).await?;
+            let job = self.api.queue.enqueue(DEFAULT_TENANT, &NewJob::of(&ray_set)).await?;
             submitted.push(Submitted { ray_set, job });
         }
         Ok(submitted)
@@ -192,8 +234,8 @@ impl Service {
     /// The database did not answer.
     pub async fn is_empty(&self) -> Result<bool, storage::Error> {
         let records = &self.api.storage.records;
-        let ray_sets = storage::ray_sets::list(records, None, 1).await?;
-        Ok(ray_sets.is_empty() && jobs::query::list(records, None, None, 1).await?.is_empty())
+        let ray_sets = storage::ray_sets::list(records, DEFAULT_TENANT, None, 1).await?;
+        Ok(ray_sets.is_empty() && jobs::query::list(records, DEFAULT_TENANT, None, None, 1).await?.is_empty())
     }
 
     /// Answers until `shutdown` resolves; then takes nothing new, and gives running jobs and open connections the
@@ -205,12 +247,12 @@ impl Service {
         tracing::info!(address = %self.address, "listening");
         let draining = self.api.draining.clone();
         let router = self.router();
-        let stopped = draining.clone().cancelled_owned();
-        let server = axum::serve(self.listener, router).with_graceful_shutdown(stopped).into_future();
+        let (bounds, metrics) = (self.config.bounds, self.api.metrics.clone());
+        let server = connections::serve(self.listener, router, bounds, metrics, draining.clone());
         let mut server = AbortOnDropHandle::new(tokio::spawn(server));
         tokio::select! {
             () = shutdown => {}
-            served = &mut server => return served.map_err(io::Error::other)?,
+            served = &mut server => return served.map_err(io::Error::other),
         }
         tracing::info!("stopping");
         draining.cancel();

@@ -2,24 +2,24 @@
 //! grow with the file: what is not yet a stored part is at most one part. A packed file is stored as it comes and unpacked
 //! when all of it is there: its digest covers what was sent.
 
+use super::access::quota::{Exceeded, Quota, Room};
 use super::crash;
 use super::jobs::worker::hex;
+use super::pace::{Pace, Slowest, TooSlow};
 use super::storage::inspections::{Drawing, Inspection};
 use super::storage::parts::{Part, Parts};
 use super::storage::ray_sets::{self, Draft, Packed, RaySet};
 use super::storage::{self, Storage, new_id, ray_set_folder};
 use crate::pipeline::{self, Artifact, Declared, Input, Limits, Stage, Watch};
 use bytes::{Bytes, BytesMut};
-use futures::{Stream, StreamExt};
+use futures::Stream;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::fmt::Display;
 use std::pin::pin;
 use std::sync::Arc;
-use std::time::Duration;
 use tokio::runtime::Handle;
 use tokio::task::spawn_blocking;
-use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 
 /// Length of every part but the last, bytes.
@@ -39,9 +39,9 @@ pub enum Error {
     /// The sender stopped before its announced end.
     #[error("the body ended early: {0}")]
     Truncated(String),
-    /// The sender fell silent.
-    #[error("no byte came for {} s", .0.as_secs())]
-    Idle(Duration),
+    /// The sender was too slow, or fell silent.
+    #[error(transparent)]
+    Slow(#[from] TooSlow),
     /// Not the bytes the sender meant.
     #[error("sha-256 of what arrived is {found}, announced was {announced}")]
     Digest {
@@ -59,6 +59,9 @@ pub enum Error {
     /// A packed file without a ray file.
     #[error("no ray file in it")]
     NoRayFile(Vec<LeftOut>),
+    /// The tenant has no room for it.
+    #[error(transparent)]
+    Quota(#[from] Exceeded),
     /// A store did not answer.
     #[error(transparent)]
     Storage(#[from] storage::Error),
@@ -126,25 +129,29 @@ pub struct Intake {
     pub storage: Storage,
     /// Largest file, bytes.
     pub max_bytes: u64,
-    /// Longest silence.
-    pub idle: Duration,
+    /// The slowest sender that is waited for.
+    pub slowest: Slowest,
+    /// What a tenant may keep that has no quota of its own.
+    pub quota: Quota,
     /// What a ray file may ask of this machine.
     pub limits: Limits,
 }
 
 impl Intake {
-    /// Takes in one file, all of it or nothing; a packed one gives a ray set for each ray file in it.
+    /// Takes in one file of `tenant`, all of it or nothing; a packed one gives a ray set for each ray file in it.
     ///
     /// # Errors
     /// [`Error`]; nothing is left behind, unless the database failed as the ray sets were made known: they may then be known.
     pub async fn take<E: Display>(
         &self,
+        tenant: &str,
         announcement: Announcement,
         body: impl Stream<Item = Result<Bytes, E>>,
     ) -> Result<Taken, Error> {
         let id = new_id();
         let gone = announcement.gone.clone();
-        let stored = match self.receive(&id, announcement, body).await {
+        let room = self.quota.room(&self.storage.records, tenant).await?;
+        let stored = match self.receive(&id, announcement, room, body).await {
             Ok(stored) => stored,
             Err(error) => {
                 self.forget(&id).await;
@@ -152,12 +159,18 @@ impl Intake {
             }
         };
         let (drafts, left_out) = self.drafts(stored, gone).await?;
+        let ids: Vec<String> = drafts.iter().map(|draft| draft.ray_set.id.clone()).collect();
         // From here on the rows may be there, whatever the answer: only the sweep of garbage can tell.
-        let known = ray_sets::insert(&self.storage.records, drafts).await;
-        let ray_sets = known.inspect_err(|error| {
+        let known = ray_sets::insert(&self.storage.records, tenant, self.quota, drafts).await;
+        let known = known.inspect_err(|error| {
             tracing::error!(upload = id, %error, "an upload may or may not be known; its blobs stay until they are swept");
         })?;
-        Ok(Taken { ray_sets, left_out })
+        if known.is_err() {
+            for id in &ids {
+                self.forget(id).await;
+            }
+        }
+        Ok(Taken { ray_sets: known?, left_out })
     }
 
     /// The ray sets that a stored file is to be: itself, or those in it when it is packed. Its own blobs are then gone, as they
@@ -193,12 +206,16 @@ impl Intake {
         &self,
         id: &str,
         announcement: Announcement,
+        room: Room,
         body: impl Stream<Item = Result<Bytes, E>>,
     ) -> Result<Stored, Error> {
+        room.admit(announcement.byte_count.unwrap_or(1))?;
         let mut body = pin!(body);
         let mut spool = Spool::new(self, id, announcement.byte_count);
-        while let Some(chunk) = timeout(self.idle, body.next()).await.map_err(|_| Error::Idle(self.idle))? {
+        let mut pace = Pace::new(self.slowest);
+        while let Some(chunk) = pace.next(&mut body).await? {
             spool.push(&chunk.map_err(|error| Error::Truncated(error.to_string()))?).await?;
+            room.admit(spool.byte_count)?;
         }
         let stored = spool.end(announcement.name).await?;
         match announcement.sha256.into_iter().find(|announced| *announced != stored.sha256) {

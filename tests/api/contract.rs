@@ -60,6 +60,7 @@ fn the_contract_says_how_everything_can_fail() {
         "list_jobs",
         "list_ray_sets",
         "list_spectra",
+        "metrics",
         "ready",
         "upload_ray_set",
         "upload_spectrum",

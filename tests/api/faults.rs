@@ -3,6 +3,7 @@ use crate::site::Site;
 use lampwright::pipeline::Error;
 use lampwright::service::jobs::worker::Runner;
 use lampwright::service::storage::records::sql;
+use lampwright::service::storage::{Storage, garbage};
 use lampwright::service::{Config, Service, StartError};
 use serde_json::json;
 use std::sync::Arc;
@@ -93,6 +94,27 @@ async fn what_a_kill_left_in_the_store_is_swept_and_nothing_else() {
     std::fs::write(blobs.join(format!("ray-sets/{ray_set}/000001#1")), b"half").unwrap();
     site.restart(prompt()).await;
     assert_eq!(site.blobs(), before);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn garbage_is_what_no_row_names_nobody_writes_and_no_attempt_may_publish() {
+    let gate = Gate::new();
+    let site = Site::start(held(&gate)).await;
+    let ray_set = site.ray_set().await;
+    let job = site.job(&ray_set).await;
+    site.until_state(&job, "running").await;
+    let storage = Storage::open(&site.config.database_url(), &site.config.storage_url()).await.unwrap();
+    let at_hand = format!("artifacts/{job}/1/0000");
+    for blob in ["ray-sets/gone/000000", &format!("artifacts/{job}/0/0000"), &at_hand] {
+        storage.blobs.put(blob, "bytes".into()).await.unwrap();
+    }
+    assert_eq!(garbage::collect(&storage, Duration::from_secs(3600)).await.unwrap(), 0, "too young to tell");
+    assert_eq!(garbage::collect(&storage, Duration::ZERO).await.unwrap(), 2);
+    assert_eq!(site.blobs(), [at_hand, format!("ray-sets/{ray_set}/000000")]);
+    gate.open();
+    site.until_state(&job, "succeeded").await;
+    assert_eq!(garbage::collect(&storage, Duration::ZERO).await.unwrap(), 0);
+    assert_eq!(site.blobs().len(), 1 + 4);
 }
 
 #[tokio::test(flavor = "multi_thread")]

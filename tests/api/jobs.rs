@@ -2,6 +2,7 @@ use crate::runners::{Gate, held, prompt, stubborn};
 use crate::site::{Site, on_engines};
 use axum::http::StatusCode;
 use lampwright::service::Config;
+use lampwright::service::access::quota::Quota;
 use lampwright::service::jobs::channels::NewJob;
 use lampwright::service::jobs::queue::{Claim, Queue};
 use lampwright::service::jobs::{Failure, State, TRANSITIONS};
@@ -10,6 +11,7 @@ use lampwright::service::storage::inspections::Inspection;
 use lampwright::service::storage::ray_sets::{self, Draft};
 use lampwright::service::storage::records::sql;
 use serde_json::json;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 #[tokio::test(flavor = "multi_thread")]
@@ -155,14 +157,16 @@ async fn pages_hold_every_entry_once_newest_first() {
     assert_eq!((of("running").await, of("queued").await, of("succeeded").await), (0, 0, 5));
 }
 
-/// Every change that the queue can make, tried from every state: what happens is exactly the table.
-#[tokio::test]
-async fn only_the_transitions_of_the_table_happen() {
-    let folder = tempfile::tempdir().unwrap();
-    let config = on_engines(Config::new(folder.path())).await;
-    let storage = Storage::open(&config.database_url(), &config.storage_url()).await.unwrap();
+/// Both stores, and no service.
+async fn stores(folder: &Path) -> Storage {
+    let config = on_engines(Config::new(folder)).await;
+    Storage::open(&config.database_url(), &config.storage_url()).await.unwrap()
+}
+
+/// Makes a ray set known that has no bytes.
+async fn known(storage: &Storage, id: &str) {
     let row = ray_sets::RaySet {
-        id: "r".into(),
+        id: id.into(),
         name: "r".into(),
         byte_count: 1,
         sha256: String::new(),
@@ -171,7 +175,58 @@ async fn only_the_transitions_of_the_table_happen() {
         created_ms: 0,
     };
     let draft = Draft { ray_set: row, parts: Vec::new(), inspection: Inspection::default() };
-    ray_sets::insert(&storage.records, vec![draft]).await.unwrap();
+    ray_sets::insert(&storage.records, "default", Quota::default(), vec![draft]).await.unwrap().unwrap();
+}
+
+#[tokio::test]
+async fn a_slot_that_did_not_hear_of_its_claim_takes_the_job_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = stores(folder.path()).await;
+    known(&storage, "r").await;
+    let queue = Queue::new(storage.clone(), Duration::from_secs(60), 3);
+    let (first, second) = (queue.of_slot(0), queue.of_slot(1));
+    let id = queue.enqueue("default", &NewJob::of("r")).await.unwrap();
+    // The database made this claim; that the connection broke before its answer is played by not looking at it.
+    drop(first.claim().await.unwrap());
+    assert!(second.claim().await.unwrap().is_none(), "another slot of this process may be at it");
+    let again = first.claim().await.unwrap().unwrap();
+    assert_eq!((again.id, again.attempt, again.fence), (id, 2, 2));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_ray_set_is_never_deleted_under_a_job_that_is_being_queued() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = stores(folder.path()).await;
+    let queue = Queue::new(storage.clone(), Duration::from_secs(60), 3);
+    let mut outcomes = [0, 0];
+    for round in 0..60 {
+        let id = format!("r{round}");
+        known(&storage, &id).await;
+        // Now the one begins first, now the other, by less than either takes.
+        let head_start = Duration::from_micros(100 * (round / 2));
+        let (first, second) = if round % 2 == 0 { (Duration::ZERO, head_start) } else { (head_start, Duration::ZERO) };
+        let enqueue = tokio::spawn({
+            let (queue, id) = (queue.clone(), id.clone());
+            async move {
+                tokio::time::sleep(first).await;
+                queue.enqueue("default", &NewJob::of(&id)).await.is_ok()
+            }
+        });
+        tokio::time::sleep(second).await;
+        let deleted = ray_sets::delete(&storage.records, "default", &id).await.unwrap() == ray_sets::Deletion::Deleted;
+        let queued = enqueue.await.unwrap();
+        assert!(queued != deleted, "round {round}: queued {queued}, deleted {deleted}");
+        outcomes[usize::from(queued)] += 1;
+    }
+    println!("deleted {}, queued {}", outcomes[0], outcomes[1]);
+}
+
+/// Every change that the queue can make, tried from every state: what happens is exactly the table.
+#[tokio::test]
+async fn only_the_transitions_of_the_table_happen() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = stores(folder.path()).await;
+    known(&storage, "r").await;
     let lease = Duration::from_secs(60);
     let (ours, theirs) = (Queue::new(storage.clone(), lease, 3), Queue::new(storage.clone(), lease, 3));
     let mut seen = Vec::new();
@@ -179,19 +234,20 @@ async fn only_the_transitions_of_the_table_happen() {
         for change in ["claim", "cancel", "beat", "finish", "fail", "stop", "release", "retry", "sweep"] {
             for (cancel, attempt, expired) in [(0, 1, 0), (1, 1, 0), (0, 3, 1), (1, 1, 1), (0, 1, 1)] {
                 storage.records.write(sql("DELETE FROM jobs")).await.unwrap();
-                let id = ours.enqueue(&NewJob::of("r")).await.unwrap();
+                let id = ours.enqueue("default", &NewJob::of("r")).await.unwrap();
                 let set = "UPDATE jobs SET state = $1, fence = 7, attempt = $2, cancel_requested = $3, lease_owner = 'gone', \
                            lease_until_ms = CASE WHEN $1 = 'queued' THEN NULL WHEN $4 = 1 THEN 0 ELSE {now} + 60000 END \
                            WHERE id = $5";
                 let set = sql(set).bind(from.name()).bind(attempt).bind(cancel).bind(i64::from(expired));
                 storage.records.write(set.bind(id.as_str())).await.unwrap();
-                let claim = Claim { id: id.clone(), fence: 7, attempt, options: "{}".into() };
+                let (tenant, options) = ("default".into(), "{}".into());
+                let claim = Claim { id: id.clone(), tenant, fence: 7, attempt, options };
                 // Any answer, also a refusal: what counts is the row.
                 match change {
                     // Claiming sweeps first; that is tried by itself.
                     "claim" if expired == 0 => theirs.claim().await.map(|_| ()).unwrap(),
                     "claim" => continue,
-                    "cancel" => ours.cancel(&id).await.unwrap_or_default(),
+                    "cancel" => ours.cancel("default", &id).await.unwrap_or_default(),
                     "beat" => ours.beat(&claim, Some("hull"), 0.5).await.map(|_| ()).unwrap(),
                     "finish" => ours.finish(&claim, &[], &[]).await.map(|_| ()).unwrap(),
                     "fail" => ours.fail(&claim, &Failure::panicked("x")).await.map(|_| ()).unwrap(),

@@ -20,6 +20,12 @@ mod walk;
 mod uploads;
 /// What comes packed.
 mod packed;
+/// Keys, tenants, quotas and rates.
+mod access;
+/// What connections may ask of the process.
+mod connections;
+/// Numbers, room, retention, backup.
+mod upkeep;
 /// Every way to ask wrongly.
 mod requests;
 /// What an upload answers of its rays.

@@ -2,6 +2,7 @@ use crate::runners::{Gate, burning, held, prompt, stubborn};
 use crate::site::Site;
 use axum::body::Body;
 use axum::http::{Method, StatusCode};
+use lampwright::service::pace::Slowest;
 use lampwright::service::storage::records::sql;
 use lampwright::service::{Config, Service};
 use serde_json::json;
@@ -163,7 +164,11 @@ async fn it_stops_even_if_a_job_does_not_listen() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn more_uploads_than_there_are_places_are_told_to_come_back_and_nobody_else() {
-    let site = Site::start_as(|config| Config { upload_idle: Duration::from_secs(20), ..config }, prompt()).await;
+    let site = Site::start_as(
+        |config| Config { slowest: Slowest { interval: Duration::from_secs(20), bytes: 1 }, ..config },
+        prompt(),
+    )
+    .await;
     let ray_set = site.ray_set().await;
     let job = site.job(&ray_set).await;
     let waiting = async {
@@ -199,7 +204,7 @@ async fn a_connection_sees_the_limit_before_it_sends() {
     let (stop, stopped) = oneshot::channel::<()>();
     let serving = tokio::spawn(service.run_until(async { drop(stopped.await) }));
     // The client waits to be told to go on, and is told not to.
-    let head = "POST /v1/ray-sets HTTP/1.1\r\nHost: x\r\nContent-Length: 1001\r\nExpect: 100-continue\r\nConnection: close\r\n\r\n";
+    let head = "POST /v1/ray-sets HTTP/1.1\r\nHost: localhost\r\nContent-Length: 1001\r\nExpect: 100-continue\r\nConnection: close\r\n\r\n";
     let response = over_tcp(address, head).await.unwrap();
     assert!(response.starts_with("HTTP/1.1 413"), "{response}");
     assert!(response.contains("upload.too_large") && !response.contains("100 Continue"), "{response}");

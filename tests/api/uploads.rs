@@ -8,6 +8,7 @@ use base64::engine::general_purpose::STANDARD as BASE64;
 use futures::stream;
 use lampwright::service::Config;
 use lampwright::service::storage::records::sql;
+use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::convert::Infallible;
 use std::io;
@@ -222,12 +223,15 @@ async fn parts_stay_until_the_next_start_when_the_database_fails_as_it_takes_the
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_list_leaves_out_the_texts_of_its_ray_sets() {
+async fn a_list_leaves_out_what_may_be_long() {
     let site = Site::start(prompt()).await;
     let id = site.ray_set().await;
     let mut one = site.get(&format!("/v1/ray-sets/{id}")).await.json();
     let texts = one["header"].as_object_mut().unwrap().remove("texts").unwrap();
     assert!(texts.as_array().is_some_and(|texts| !texts.is_empty()), "{texts}");
+    assert!(one["inspection"].is_object() && one["links"]["origins"].is_string(), "{one}");
+    one["inspection"] = Value::Null;
+    one["links"] = json!({"self": one["links"]["self"], "origins": null, "far_field": null});
     let list = site.get("/v1/ray-sets").await.json();
     assert_eq!(list["ray_sets"][0], one);
 }

@@ -54,13 +54,25 @@ const PIPELINE_CRATES: [&str; 13] = [
 const WORLD: [&str; 6] = ["env", "fs", "net", "process", "thread", "time"];
 
 /// One foreign library, one file (or folder): whoever replaces it reads no other.
-const HOMES: [(&str, &str); 7] = [
+const HOMES: [(&str, &str); 19] = [
     ("flate2", "pipeline/rays/container"),
     ("ruzstd", "pipeline/rays/container/zstd"),
     ("obvhs", "pipeline/flux/bvh"),
     ("zip", "pipeline/artifacts"),
     ("sqlx", "service/storage/records"),
     ("object_store", "service/storage/blobs"),
+    ("getrandom", "service/access/keys"),
+    ("subtle", "service/access/keys"),
+    ("governor", "service/access/rate"),
+    ("prometheus_client", "service/metrics"),
+    ("hyper", "service/connections"),
+    ("hyper_util", "service/connections"),
+    ("rustix", "service/storage/space"),
+    ("opentelemetry", "service/telemetry/traces"),
+    ("opentelemetry_otlp", "service/telemetry/traces"),
+    ("opentelemetry_sdk", "service/telemetry/traces"),
+    ("tracing_opentelemetry", "service/telemetry/traces"),
+    ("rustls", "service/tls"),
     ("indicatif", "command/progress"),
 ];
 

@@ -82,7 +82,7 @@ impl Ledger {
 
     async fn bytes_are_there(&self, storage: &Storage) {
         for (id, digest) in &self.ray_sets {
-            let known = ray_sets::get(&storage.records, id).await.unwrap();
+            let known = ray_sets::get(&storage.records, "default", id).await.unwrap();
             assert_eq!(known.map(|ray_set| ray_set.sha256).as_ref(), Some(digest), "{id}");
             let mut hasher = Sha256::new();
             for part in ray_sets::parts(&storage.records, id).await.unwrap() {

@@ -122,7 +122,7 @@ fn a_receiver_sphere_is_told_from_an_emitter() {
     assert_eq!((origins.shape, origins.exact), ("sphere", true));
     assert!((sphere.radius_mm - 10.0).abs() < 1e-3 && sphere.share > 0.999, "{sphere:?}");
     let focus = found.focus.unwrap();
-    assert!(DVec3::from_array(focus.point_mm).length() < 0.02 && focus.distance_99_mm < 1.0001, "{focus:?}");
+    assert!(DVec3::from_array(focus.point_mm).length() < 0.02 && focus.distance_99_mm < 1.02, "{focus:?}");
     assert_eq!(verdict(&found, "rays.origins"), Verdict::Notice);
 }
 

@@ -6,6 +6,7 @@ mod http;
 #[cfg(test)]
 mod server;
 
+use crate::http::ask;
 use serde_json::{Value, json};
 use server::{Server, lampwright};
 use std::process::Stdio;
@@ -173,4 +174,86 @@ fn a_closed_pipe_is_no_crash() {
     drop(child.stdout.take());
     let output = child.wait_with_output().unwrap();
     assert!(!String::from_utf8_lossy(&output.stderr).contains("panicked"), "{output:?}");
+}
+
+#[test]
+fn keys_are_made_rotated_and_revoked_next_to_a_running_service() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().to_str().unwrap().to_owned();
+    let server = Server::start(folder.path(), &["--auth", "on"]);
+    let keys = |arguments: &[&str]| {
+        let done = lampwright(&[&["keys"], arguments, &["--data", &data]].concat());
+        assert!(done.status.success(), "{arguments:?}: {done:?}");
+        String::from_utf8(done.stdout).unwrap().trim().to_owned()
+    };
+    let status = |key: &str| {
+        let authorization = format!("Bearer {key}");
+        ask(&server.address, "GET", "/v1/jobs", &[("Authorization", &authorization)], b"").unwrap().status
+    };
+    let answer = server.get("/v1/jobs");
+    assert_eq!((answer.status, answer.header("www-authenticate")), (401, Some("Bearer realm=\"lampwright\"")));
+    let first = keys(&["create", "--tenant", "lab", "--name", "robot"]);
+    assert_eq!(status(&first), 200);
+    let id = |key: &str| key.split('_').nth(1).unwrap().to_owned();
+    let second = keys(&["rotate", &id(&first), "--overlap", "1"]);
+    assert_eq!((status(&first), status(&second)), (200, 200));
+    let third = keys(&["rotate", &id(&second), "--overlap", "0"]);
+    assert_eq!((status(&first), status(&second), status(&third)), (200, 401, 200));
+    keys(&["revoke", &id(&first)]);
+    assert_eq!(status(&first), 401);
+    let listed = keys(&["list", "--tenant", "lab"]);
+    for told in ["lab", "robot", "revoked", "until revoked", "uploads:write", &id(&first)] {
+        assert!(listed.contains(told), "{told}: {listed}");
+    }
+    assert!(!listed.contains(first.rsplit('_').next().unwrap()), "a secret is listed");
+    // What a key is for is said, and only that is done.
+    let reader = keys(&["create", "--tenant", "lab", "--scope", "uploads:read"]);
+    assert_eq!(status(&reader), 403);
+    for wrong in [["create", "--scope", "everything"], ["create", "--tenant", "Not plain"]] {
+        assert_eq!(
+            lampwright(&[&["keys"], &wrong[..], &["--data", &data]].concat()).status.code(),
+            Some(2),
+            "{wrong:?}"
+        );
+    }
+    let missing = lampwright(&["keys", "revoke", "0000000000000000", "--data", &data]);
+    assert_eq!(missing.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&missing.stderr).contains("error keys.missing"));
+
+    let set = lampwright(&["tenants", "set", "lab", "--stored-bytes", "0", "--data", &data]);
+    assert!(set.status.success(), "{set:?}");
+    let authorization = format!("Bearer {third}");
+    let upload = ask(&server.address, "POST", "/v1/ray-sets", &[("Authorization", &authorization)], b"rays").unwrap();
+    assert_eq!((upload.status, upload.json()["code"].as_str()), (413, Some("quota.stored_bytes")));
+    let listed = String::from_utf8(lampwright(&["tenants", "list", "--data", &data]).stdout).unwrap();
+    assert!(listed.contains("0 of 0 bytes") && listed.contains("0 of default jobs waiting"), "{listed}");
+    // A probe needs no key.
+    assert!(lampwright(&["health", &format!("http://{}/healthz", server.address)]).status.success());
+}
+
+#[test]
+fn others_are_not_let_in_without_keys() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().to_str().unwrap();
+    let refused = lampwright(&["serve", "--listen", "0.0.0.0:0", "--data", data]);
+    assert_eq!(refused.status.code(), Some(1));
+    let told = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(told.contains("error serve.no_keys") && told.contains("lampwright keys create"), "{told}");
+}
+
+#[test]
+fn a_backup_taken_while_it_serves_is_a_data_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, copy) = (folder.path().join("data"), folder.path().join("copy"));
+    let server = Server::start(&data, &[]);
+    let sample = server.get("/v1/jobs").json()["jobs"][0]["id"].as_str().unwrap().to_owned();
+    server.until(&sample, |job| job["state"] == "succeeded");
+    let zip = format!("/v1/jobs/{sample}/model.zip");
+    let before = server.get(&zip).body;
+    let copied = lampwright(&["backup", "--data", data.to_str().unwrap(), "--to", copy.to_str().unwrap()]);
+    assert!(copied.status.success(), "{copied:?}");
+    server.kill();
+    std::fs::remove_dir_all(&data).unwrap();
+    let restored = Server::start(&copy, &[]);
+    assert!(restored.get(&zip).body == before && !before.is_empty());
 }

@@ -6,7 +6,10 @@ use axum::Router;
 use axum::body::Body;
 use axum::http::{HeaderMap, Method, Request, StatusCode};
 use http_body_util::BodyExt;
+use lampwright::service::access::Scope;
+use lampwright::service::access::keys::{self, NewKey};
 use lampwright::service::jobs::worker::Runner;
+use lampwright::service::pace::Slowest;
 use lampwright::service::storage::blobs::Blobs;
 use lampwright::service::storage::records::{Records, Row, Statement};
 use lampwright::service::{Config, Service};
@@ -17,7 +20,12 @@ use tempfile::TempDir;
 use tower::ServiceExt;
 
 /// Every header a response may have; a new one is a decision, not an accident.
-const HEADERS: [&str; 19] = [
+const HEADERS: [&str; 25] = [
+    "access-control-allow-headers",
+    "access-control-allow-methods",
+    "access-control-allow-origin",
+    "access-control-expose-headers",
+    "access-control-max-age",
     "accept-ranges",
     "allow",
     "cache-control",
@@ -37,6 +45,7 @@ const HEADERS: [&str; 19] = [
     "date",
     "connection",
     "vary",
+    "www-authenticate",
 ];
 
 /// A response, read to its end.
@@ -99,8 +108,11 @@ impl Reply {
                 assert!(problem[member].as_str().is_some_and(|text| !text.is_empty()), "{member}: {problem}");
             }
         }
-        if self.status == StatusCode::SERVICE_UNAVAILABLE {
-            assert_eq!(self.header("retry-after"), "1");
+        match self.status.as_u16() {
+            401 => assert!(self.header("www-authenticate").starts_with("Bearer")),
+            429 => assert!(self.header("retry-after").parse::<u32>().unwrap() >= 1),
+            503 => assert_eq!(self.header("retry-after"), "1"),
+            _ => {}
         }
         if self.status == StatusCode::METHOD_NOT_ALLOWED {
             assert!(!self.header("allow").is_empty());
@@ -113,6 +125,8 @@ pub struct Site {
     pub folder: TempDir,
     pub config: Config,
     pub service: Option<Service>,
+    /// Goes with every request that brings no other.
+    pub key: Option<String>,
     router: Router,
 }
 
@@ -123,7 +137,7 @@ fn quick(folder: &Path) -> Config {
         lease: Duration::from_millis(600),
         poll: Duration::from_millis(100),
         grace: Duration::from_millis(400),
-        upload_idle: Duration::from_millis(400),
+        slowest: Slowest { interval: Duration::from_millis(400), bytes: 1 },
         concurrency: 1,
         threads: 1,
         ..Config::new(folder)
@@ -149,7 +163,7 @@ impl Site {
         let folder = tempfile::tempdir().unwrap();
         let config = change(on_engines(quick(&folder.path().join("data"))).await);
         let service = Service::start_with(config.clone(), runner).await.unwrap();
-        Site { router: service.router(), folder, config, service: Some(service) }
+        Site { router: service.router(), folder, config, service: Some(service), key: None }
     }
 
     /// Kills the service, as far as that can be done within a process: nothing of it runs its last lines.
@@ -178,9 +192,13 @@ impl Site {
     }
 
     pub async fn ask(&self, method: Method, path: &str, headers: &[(&str, &str)], body: impl Into<Body>) -> Reply {
-        let request = headers
-            .iter()
-            .fold(Request::builder().method(method).uri(path), |request, (name, value)| request.header(*name, *value));
+        let mut request = Request::builder().method(method).uri(path);
+        for (name, value) in headers {
+            request = request.header(*name, *value);
+        }
+        if let (Some(key), false) = (&self.key, headers.iter().any(|(name, _)| *name == "authorization")) {
+            request = request.header("authorization", format!("Bearer {key}"));
+        }
         self.send(request.body(body.into()).unwrap()).await
     }
 
@@ -238,6 +256,14 @@ impl Site {
         let mut keys: Vec<String> = listed.unwrap().into_iter().map(|blob| blob.key).collect();
         keys.sort();
         keys
+    }
+
+    /// A new key of `tenant`.
+    pub async fn key_of(&self, tenant: &str, scopes: &[Scope]) -> String {
+        let (tenant, scopes) = (tenant.to_owned(), scopes.to_vec());
+        let new = NewKey { tenant, name: String::new(), scopes, lifetime_ms: None };
+        let records = Records::open(&self.config.database_url()).await.unwrap();
+        keys::create(&records, &new).await.unwrap().token
     }
 
     /// Asks the database behind the service's back.

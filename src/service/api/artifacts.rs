@@ -1,5 +1,6 @@
 //! `/v1/jobs/{id}/artifacts`: what a job gave.
 
+use super::super::access::Access;
 use super::super::jobs::query::{self, StoredArtifact};
 use super::super::jobs::worker::ZIP;
 use super::Api;
@@ -65,8 +66,12 @@ pub fn href(job: &str, name: &str) -> String {
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
     )
 )]
-pub async fn list(State(api): State<Api>, Path(id): Path<String>) -> Result<Json<ArtifactList>, Problem> {
-    find(&api, &id).await?;
+pub async fn list(
+    State(api): State<Api>,
+    access: Access,
+    Path(id): Path<String>,
+) -> Result<Json<ArtifactList>, Problem> {
+    find(&api, &access, &id).await?;
     let rows = query::artifacts(&api.storage.records, &id).await?;
     let artifact = |row: StoredArtifact| Artifact {
         href: href(&id, &row.name),
@@ -101,10 +106,12 @@ pub async fn list(State(api): State<Api>, Path(id): Path<String>) -> Result<Json
 )]
 pub async fn download(
     State(api): State<Api>,
+    access: Access,
     Path((id, name)): Path<(String, String)>,
     method: Method,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
+    find(&api, &access, &id).await?;
     send(&api, &id, &name, &method, &headers).await
 }
 
@@ -130,15 +137,17 @@ pub async fn download(
 )]
 pub async fn download_zip(
     State(api): State<Api>,
+    access: Access,
     Path(id): Path<String>,
     method: Method,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
+    find(&api, &access, &id).await?;
     send(&api, &id, ZIP, &method, &headers).await
 }
 
+/// Sends a file of a job that was found.
 async fn send(api: &Api, id: &str, name: &str, method: &Method, headers: &HeaderMap) -> Result<Response, Problem> {
-    find(api, id).await?;
     let found = query::artifact_named(&api.storage.records, id, name).await?;
     let artifact = found.ok_or_else(|| Problem::no_artifact(name))?;
     let etag = format!("\"{}\"", artifact.sha256);

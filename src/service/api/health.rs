@@ -29,7 +29,7 @@ pub async fn live() -> Json<Health> {
 
 /// Tells whether the service can do its work
 ///
-/// The database answers, the object store takes bytes, and it is not stopping.
+/// The database answers, the object store takes bytes and has room, and it is not stopping.
 #[utoipa::path(
     get, path = "/readyz", tag = "health", operation_id = "ready",
     responses(
@@ -43,5 +43,8 @@ pub async fn ready(State(api): State<Api>) -> Result<Json<Health>, Problem> {
         return Err(Problem::draining());
     }
     api.storage.check().await?;
+    if !api.space.has_room_for(0) {
+        return Err(Problem::low_space());
+    }
     Ok(Json(WELL))
 }

@@ -1,5 +1,6 @@
 //! `/v1/jobs`: what is to be computed, how far it is, and why it failed.
 
+use super::super::access::Access;
 use super::super::jobs::channels::{Channel, NewJob, TotalFlux};
 use super::super::jobs::options::JobOptions;
 use super::super::jobs::{Failure, State as JobState, StoredNotice, query};
@@ -180,7 +181,7 @@ fn stages(row: &query::Job) -> Vec<StageProgress> {
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, stopping, or a store that does not answer"),
     )
 )]
-pub async fn create(State(api): State<Api>, Body(new): Body<NewJob>) -> Result<Response, Problem> {
+pub async fn create(State(api): State<Api>, access: Access, Body(new): Body<NewJob>) -> Result<Response, Problem> {
     if api.draining.is_cancelled() {
         return Err(Problem::draining());
     }
@@ -188,23 +189,27 @@ pub async fn create(State(api): State<Api>, Body(new): Body<NewJob>) -> Result<R
         return Err(Problem::out_of_range("channels", "a list of 1 to 8 channels"));
     }
     new.options.resolve()?;
-    judge(&api, &new).await?;
-    let id = api.queue.enqueue(&new).await?;
-    accepted(&api, &id).await
+    judge(&api, &access, &new).await?;
+    let id = api.queue.enqueue(&access.tenant, &new).await?;
+    // Ties the job to the request that asked for it.
+    tracing::info!(job = id, "job queued");
+    accepted(&api, &access, &id).await
 }
 
 /// Whether the channels can be one source, as far as the headers of their files tell.
-async fn judge(api: &Api, new: &NewJob) -> Result<(), Problem> {
-    let records = &api.storage.records;
+async fn judge(api: &Api, access: &Access, new: &NewJob) -> Result<(), Problem> {
+    let (records, tenant) = (&api.storage.records, access.tenant.as_str());
     let mut files = Vec::new();
     for (index, channel) in new.channels.iter().enumerate() {
         if channel.name.as_ref().is_some_and(|name| name.is_empty() || name.chars().count() > MAX_NAME_CHARS) {
             return Err(Problem::out_of_range(&format!("channels[{index}].name"), "1 to 255 characters long"));
         }
-        let ray_set = ray_sets::get(records, &channel.ray_set).await?;
+        let ray_set = ray_sets::get(records, tenant, &channel.ray_set).await?;
         let ray_set = ray_set.ok_or_else(|| Problem::no_ray_set(&channel.ray_set))?;
         let points = match channel.spectrum_id() {
-            Some(id) => Some(spectra::get(records, id).await?.ok_or_else(|| Problem::no_spectrum(id))?.points()?),
+            Some(id) => {
+                Some(spectra::get(records, tenant, id).await?.ok_or_else(|| Problem::no_spectrum(id))?.points()?)
+            }
             None => None,
         };
         let declared = channel.resolve(index, points.as_deref())?;
@@ -230,9 +235,14 @@ async fn judge(api: &Api, new: &NewJob) -> Result<(), Problem> {
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
     )
 )]
-pub async fn list(State(api): State<Api>, Query(page): Query<JobPage>) -> Result<Json<JobList>, Problem> {
+pub async fn list(
+    State(api): State<Api>,
+    access: Access,
+    Query(page): Query<JobPage>,
+) -> Result<Json<JobList>, Problem> {
     let limit = Page::limit(page.limit)?;
-    let rows = query::list(&api.storage.records, page.state, page.after.as_deref(), limit as i64 + 1).await?;
+    let after = page.after.as_deref();
+    let rows = query::list(&api.storage.records, &access.tenant, page.state, after, limit as i64 + 1).await?;
     let (rows, next) = cut(rows, limit, |row| &row.id);
     Ok(Json(JobList { jobs: rows.into_iter().map(Job::from).collect(), next }))
 }
@@ -262,8 +272,8 @@ pub struct JobPage {
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
     )
 )]
-pub async fn get(State(api): State<Api>, Path(id): Path<String>) -> Result<Json<Job>, Problem> {
-    Ok(Json(find(&api, &id).await?.into()))
+pub async fn get(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<Json<Job>, Problem> {
+    Ok(Json(find(&api, &access, &id).await?.into()))
 }
 
 /// Cancels a job
@@ -280,9 +290,9 @@ pub async fn get(State(api): State<Api>, Path(id): Path<String>) -> Result<Json<
         (status = 503, body = Problem, content_type = "application/problem+json", description = "a store that does not answer"),
     )
 )]
-pub async fn cancel(State(api): State<Api>, Path(id): Path<String>) -> Result<Response, Problem> {
-    api.queue.cancel(&id).await?;
-    accepted(&api, &id).await
+pub async fn cancel(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<Response, Problem> {
+    api.queue.cancel(&access.tenant, &id).await?;
+    accepted(&api, &access, &id).await
 }
 
 /// Deletes a job and its artifacts
@@ -298,18 +308,18 @@ pub async fn cancel(State(api): State<Api>, Path(id): Path<String>) -> Result<Re
         (status = 503, body = Problem, content_type = "application/problem+json", description = "a store that does not answer"),
     )
 )]
-pub async fn delete(State(api): State<Api>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
-    api.queue.delete(&id).await?;
+pub async fn delete(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<StatusCode, Problem> {
+    api.queue.delete(&access.tenant, &id).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// The job `id`, or 404.
-pub async fn find(api: &Api, id: &str) -> Result<query::Job, Problem> {
-    query::get(&api.storage.records, id).await?.ok_or_else(|| Problem::no_job(id))
+/// The job `id` of whoever asks, or 404.
+pub async fn find(api: &Api, access: &Access, id: &str) -> Result<query::Job, Problem> {
+    query::get(&api.storage.records, &access.tenant, id).await?.ok_or_else(|| Problem::no_job(id))
 }
 
-async fn accepted(api: &Api, id: &str) -> Result<Response, Problem> {
-    let job = Job::from(find(api, id).await?);
+async fn accepted(api: &Api, access: &Access, id: &str) -> Result<Response, Problem> {
+    let job = Job::from(find(api, access, id).await?);
     let headers = [(header::LOCATION, job.links.this.clone()), (header::RETRY_AFTER, "1".to_owned())];
     Ok((StatusCode::ACCEPTED, headers, Json(job)).into_response())
 }

@@ -2,6 +2,10 @@
 
 /// What handlers take from a request.
 pub mod extract;
+/// Keys and scopes before a route.
+pub mod access;
+/// How much is let in at once.
+pub mod admission;
 /// Errors as clients see them.
 pub mod problem;
 /// Conditional and partial requests.
@@ -16,27 +20,33 @@ pub mod jobs;
 pub mod artifacts;
 /// Whether the service lives and works.
 pub mod health;
+/// Numbers for who watches over it.
+pub mod metrics;
 /// The contract, for programs and for people.
 pub mod docs;
 
+use super::access::{Door, Scope};
+use super::connections::Peer;
 use super::jobs::queue::Queue;
+use super::metrics::Metrics;
 use super::storage::Storage;
+use super::storage::space::Space;
 use super::upload::Intake;
-use axum::error_handling::HandleErrorLayer;
+use access::{needs, needs_only};
+use admission::{admit, kept, patient};
 use axum::extract::Request;
 use axum::http::{HeaderName, HeaderValue, Method, Uri, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use axum::{BoxError, Router};
+use axum::{Extension, Router, middleware};
 use problem::Problem;
 use std::any::Any;
+use std::sync::Arc;
 use std::time::Duration;
 use tokio_util::sync::CancellationToken;
 use tower::ServiceBuilder;
-use tower::limit::GlobalConcurrencyLimitLayer;
-use tower::load_shed::{LoadShedLayer, error::Overloaded};
-use tower::timeout::{TimeoutLayer, error::Elapsed};
 use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::cors::{AllowHeaders, AllowOrigin, CorsLayer};
 use tower_http::request_id::{MakeRequestId, PropagateRequestIdLayer, RequestId, SetRequestIdLayer};
 use tower_http::set_header::SetResponseHeaderLayer;
 use tower_http::trace::TraceLayer;
@@ -52,8 +62,8 @@ pub const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 const UPLOADS: usize = 16;
 /// Reads at once.
 const READS: usize = 256;
-/// Longest time until a response begins; an upload's is bounded by its silence, not its length.
-const PATIENCE: Duration = Duration::from_secs(30);
+/// How long a browser may remember what a page of another origin may do.
+const CORS_MEMORY: Duration = Duration::from_mins(10);
 
 /// What handlers work with. Cheap to clone.
 #[derive(Clone)]
@@ -64,7 +74,15 @@ pub struct Api {
     pub queue: Queue,
     /// Takes ray files in.
     pub intake: Intake,
-    /// The service is stopping.
+    /// Knows the keys.
+    pub door: Door,
+    /// Web pages of these origins may use the service.
+    pub origins: Arc<[String]>,
+    /// What is counted.
+    pub metrics: Metrics,
+    /// Room on local disks.
+    pub space: Space,
+    /// The service is stopping: what would not end by itself ends when this is cancelled.
     pub draining: CancellationToken,
 }
 
@@ -90,35 +108,43 @@ pub struct Binary(#[expect(dead_code, reason = "a schema, never a value")] Vec<u
 )]
 struct Contract;
 
-/// Every route of the contract.
+/// Every route of the contract, and the scope a key needs for it.
 fn routes() -> OpenApiRouter<Api> {
-    let uploads = OpenApiRouter::new().routes(routes!(ray_sets::upload));
+    use Scope::{JobsRead, JobsWrite, UploadsRead, UploadsWrite};
+    let uploads = OpenApiRouter::new().routes(needs(UploadsWrite, routes!(ray_sets::upload)));
+    let spectra = OpenApiRouter::new().routes(needs(UploadsWrite, routes!(spectra::upload)));
     let reads = OpenApiRouter::new()
-        .routes(routes!(ray_sets::list))
-        .routes(routes!(ray_sets::get))
-        .routes(routes!(ray_sets::origins))
-        .routes(routes!(ray_sets::far_field))
-        .routes(routes!(spectra::upload))
-        .routes(routes!(spectra::list))
-        .routes(routes!(spectra::get))
-        .routes(routes!(jobs::create))
-        .routes(routes!(jobs::list))
-        .routes(routes!(jobs::get))
-        .routes(routes!(artifacts::list))
-        .routes(routes!(artifacts::download))
-        .routes(routes!(artifacts::download_zip));
+        .routes(needs(UploadsRead, routes!(ray_sets::list)))
+        .routes(needs(UploadsRead, routes!(ray_sets::get)))
+        .routes(needs(UploadsRead, routes!(ray_sets::origins)))
+        .routes(needs(UploadsRead, routes!(ray_sets::far_field)))
+        .routes(needs(UploadsRead, routes!(spectra::list)))
+        .routes(needs(UploadsRead, routes!(spectra::get)))
+        .routes(needs(JobsWrite, routes!(jobs::create)))
+        .routes(needs(JobsRead, routes!(jobs::list)))
+        .routes(needs(JobsRead, routes!(jobs::get)))
+        .routes(needs(JobsRead, routes!(artifacts::list)))
+        .routes(needs(JobsRead, routes!(artifacts::download)))
+        .routes(needs(JobsRead, routes!(artifacts::download_zip)));
     // Always admitted: a full service must still be told to do less, and say that it lives.
-    let relief = OpenApiRouter::new()
-        .routes(routes!(ray_sets::delete))
-        .routes(routes!(spectra::delete))
-        .routes(routes!(jobs::cancel))
-        .routes(routes!(jobs::delete))
-        .routes(routes!(health::live))
-        .routes(routes!(health::ready));
+    let relief = watch()
+        .routes(needs_only(UploadsWrite, routes!(ray_sets::delete)))
+        .routes(needs_only(UploadsWrite, routes!(spectra::delete)))
+        .routes(needs_only(JobsWrite, routes!(jobs::cancel)))
+        .routes(needs_only(JobsWrite, routes!(jobs::delete)));
     OpenApiRouter::with_openapi(Contract::openapi())
-        .merge(admit(uploads, UPLOADS))
+        .merge(admit(kept(uploads), UPLOADS))
+        .merge(admit(patient(kept(spectra)), UPLOADS))
         .merge(admit(patient(reads), READS))
         .merge(patient(relief))
+}
+
+/// For whoever watches over the service; every process has these.
+fn watch() -> OpenApiRouter<Api> {
+    OpenApiRouter::new()
+        .routes(routes!(health::live))
+        .routes(routes!(health::ready))
+        .routes(needs_only(Scope::MetricsRead, routes!(metrics::text)))
 }
 
 /// The service's face.
@@ -133,9 +159,9 @@ pub fn router(api: Api) -> Router {
     dressed(router, api)
 }
 
-/// The face of a process that only computes: whether it is well.
+/// The face of a process that only computes: whether it is well, and its numbers.
 pub fn health_router(api: Api) -> Router {
-    dressed(Router::new().route("/healthz", get(health::live)).route("/readyz", get(health::ready)), api)
+    dressed(patient(watch()).split_for_parts().0, api)
 }
 
 /// What stands before every route.
@@ -149,6 +175,9 @@ fn dressed(router: Router<Api>, api: Api) -> Router {
         .layer(default_header(header::REFERRER_POLICY, "no-referrer"))
         .layer(default_header(HeaderName::from_static("cross-origin-resource-policy"), "same-origin"))
         .layer(default_header(header::CACHE_CONTROL, "no-store"))
+        .option_layer(pages_from(&api.origins))
+        .layer(Extension(api.clone()))
+        .layer(middleware::from_fn_with_state(api.clone(), metrics::counted))
         .layer(CatchPanicLayer::custom(panicked));
     router
         .fallback(async |uri: Uri| Problem::no_route(uri.path()))
@@ -160,37 +189,13 @@ fn dressed(router: Router<Api>, api: Api) -> Router {
 /// The contract as it is committed: `openapi/openapi.json`.
 pub fn openapi() -> String {
     let mut contract: OpenApi = routes().split_for_parts().1;
+    access::document_scheme(&mut contract);
     // The router's wildcard is no placeholder in OpenAPI.
     let paths = std::mem::take(&mut contract.paths.paths);
     contract.paths.paths = paths.into_iter().map(|(path, item)| (path.replace("{*", "{"), item)).collect();
     let mut text = contract.to_pretty_json().unwrap_or_default();
     text.push('\n');
     text
-}
-
-/// At most `at_once` requests to these routes together; one more is told to come back.
-fn admit(routes: OpenApiRouter<Api>, at_once: usize) -> OpenApiRouter<Api> {
-    let layers = ServiceBuilder::new()
-        .layer(HandleErrorLayer::new(refused))
-        .layer(LoadShedLayer::new())
-        .layer(GlobalConcurrencyLimitLayer::new(at_once));
-    routes.layer(layers)
-}
-
-/// No request to these routes takes longer than [`PATIENCE`] to begin its response.
-fn patient(routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
-    routes.layer(ServiceBuilder::new().layer(HandleErrorLayer::new(refused)).layer(TimeoutLayer::new(PATIENCE)))
-}
-
-async fn refused(error: BoxError) -> Problem {
-    if error.is::<Overloaded>() {
-        Problem::busy()
-    } else if error.is::<Elapsed>() {
-        Problem::timeout()
-    } else {
-        tracing::error!(%error, "a layer failed");
-        Problem::internal()
-    }
 }
 
 fn panicked(payload: Box<dyn Any + Send>) -> Response {
@@ -204,9 +209,23 @@ fn default_header(name: HeaderName, value: &'static str) -> SetResponseHeaderLay
     SetResponseHeaderLayer::if_not_present(name, HeaderValue::from_static(value))
 }
 
+/// What every log line of a request carries; tenant and key once they are known.
 fn span(request: &Request) -> tracing::Span {
     let id = request.headers().get(REQUEST_ID).and_then(|id| id.to_str().ok()).unwrap_or_default();
-    tracing::info_span!("request", method = %request.method(), path = request.uri().path(), id)
+    let peer = request.extensions().get::<Peer>().map(|peer| tracing::field::display(peer.0));
+    let (method, path) = (request.method(), request.uri().path());
+    let (tenant, key) = (tracing::field::Empty, tracing::field::Empty);
+    tracing::info_span!("request", %method, path, id, peer, tenant, key)
+}
+
+/// What pages of other origins may do, if any may.
+fn pages_from(origins: &[String]) -> Option<CorsLayer> {
+    let known: Vec<HeaderValue> = origins.iter().filter_map(|origin| HeaderValue::from_str(origin).ok()).collect();
+    let methods = [Method::GET, Method::HEAD, Method::POST, Method::PATCH, Method::PUT, Method::DELETE];
+    let seen = [header::LOCATION, header::ETAG, header::RETRY_AFTER, header::CONTENT_RANGE, REQUEST_ID];
+    let layer = CorsLayer::new().allow_origin(AllowOrigin::list(known)).allow_methods(methods);
+    let layer = layer.allow_headers(AllowHeaders::mirror_request()).expose_headers(seen).max_age(CORS_MEMORY);
+    (!origins.is_empty()).then_some(layer)
 }
 
 /// A fresh name for every request that comes without one.

@@ -1,5 +1,7 @@
 //! Errors as clients see them (RFC 9457): the one place where an error becomes a status code.
 
+use super::super::access::keys::Refusal;
+use super::super::access::quota::Exceeded;
 use super::super::jobs::{Failure, State, queue};
 use super::super::{storage, upload};
 use crate::pipeline;
@@ -8,10 +10,14 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
+use std::num::NonZeroU32;
+use std::time::Duration;
 use utoipa::ToSchema;
 
 /// The media type of every error.
 pub const MEDIA_TYPE: &str = "application/problem+json";
+/// When to ask again for a place in a full queue, s: jobs take about that long.
+const QUEUE_WAIT_S: u32 = 10;
 /// Files of a packed file that a problem names.
 const NAMED: usize = 20;
 
@@ -39,6 +45,9 @@ pub struct Problem {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<String>)]
     pub remedy: Option<Box<str>>,
+    /// When to ask again, s: the header `Retry-After`.
+    #[serde(skip)]
+    pub retry_after_s: Option<NonZeroU32>,
 }
 
 impl Problem {
@@ -50,7 +59,9 @@ impl Problem {
     ) -> Problem {
         let (code, title) = (code.into(), title.into());
         let kind = format!("urn:lampwright:problem:{code}").into();
-        Problem { kind, title, status: status.as_u16(), detail: detail.into().into(), code, at: None, remedy: None }
+        let retry_after_s = (status == StatusCode::SERVICE_UNAVAILABLE).then_some(NonZeroU32::MIN);
+        let (status, detail) = (status.as_u16(), detail.into().into());
+        Problem { kind, title, status, detail, code, at: None, remedy: None, retry_after_s }
     }
 
     fn at(self, at: impl Into<String>) -> Problem {
@@ -228,6 +239,43 @@ impl Problem {
             .remedy("Try again after the time in Retry-After.")
     }
 
+    /// The key is for other things.
+    pub fn scope_missing(scope: &str) -> Problem {
+        let detail = format!("This needs the scope {scope}, which the key has not.");
+        Problem::new(StatusCode::FORBIDDEN, "access.scope_missing", "The key is not for this", detail)
+            .remedy("Ask the operator for a key with this scope.")
+    }
+
+    /// A name that is not this machine's, while no keys are asked for.
+    pub fn foreign_host(host: &str) -> Problem {
+        let detail = format!("Without keys this service answers on this machine only, not as {host:?}.");
+        Problem::new(StatusCode::FORBIDDEN, "access.foreign_host", "Not by this name", detail)
+            .remedy("Ask it as localhost, or have it ask for keys: serve --auth on.")
+    }
+
+    /// A web page from elsewhere, while no keys are asked for.
+    pub fn foreign_origin(origin: &str) -> Problem {
+        let detail = format!("Pages of {origin} may not use this service.");
+        Problem::new(StatusCode::FORBIDDEN, "access.foreign_origin", "Not from this page", detail)
+            .remedy("The operator can allow it: serve --cors-origin.")
+    }
+
+    /// A key that asked too often.
+    pub fn too_often(wait: Duration) -> Problem {
+        let detail = "This key asks more often than it may.";
+        let problem = Problem::new(StatusCode::TOO_MANY_REQUESTS, "access.rate", "Too many requests", detail)
+            .remedy("Ask again after the time in Retry-After, and less often.");
+        let wait_s = u32::try_from(wait.as_secs()).unwrap_or(u32::MAX).saturating_add(1);
+        Problem { retry_after_s: NonZeroU32::new(wait_s), ..problem }
+    }
+
+    /// Less room than is kept free.
+    pub fn low_space() -> Problem {
+        let detail = "The store has less room than it keeps free.";
+        Problem::new(StatusCode::INSUFFICIENT_STORAGE, "storage.low_space", "The store is almost full", detail)
+            .remedy("Delete jobs and ray sets, or make room.")
+    }
+
     /// A request that took too long.
     pub fn timeout() -> Problem {
         let detail = "The answer took too long.";
@@ -245,11 +293,15 @@ impl Problem {
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
         let status = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+        let retry_after_s = self.retry_after_s;
         let mut response = (status, Json(self)).into_response();
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(MEDIA_TYPE));
-        if status == StatusCode::SERVICE_UNAVAILABLE {
-            headers.insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
+        if let Some(wait_s) = retry_after_s {
+            headers.insert(header::RETRY_AFTER, HeaderValue::from(wait_s.get()));
+        }
+        if status == StatusCode::UNAUTHORIZED {
+            headers.insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer realm=\"lampwright\""));
         }
         response
     }
@@ -266,6 +318,41 @@ impl From<storage::Error> for Problem {
         let detail = "The service's store does not answer.";
         Problem::new(StatusCode::SERVICE_UNAVAILABLE, "storage.unavailable", "The store does not answer", detail)
             .remedy("Try again after the time in Retry-After.")
+    }
+}
+
+impl From<Refusal> for Problem {
+    fn from(refusal: Refusal) -> Problem {
+        let (code, detail) = match refusal {
+            Refusal::Missing => ("access.key_missing", "No key came with the request."),
+            Refusal::Malformed => ("access.key_malformed", "What came is not a key: Bearer lw_<id>_<secret>."),
+            Refusal::Unknown => ("access.key_unknown", "Nobody has this key."),
+            Refusal::Expired => ("access.key_expired", "The time of this key is over."),
+            Refusal::Revoked => ("access.key_revoked", "This key was revoked."),
+        };
+        Problem::new(StatusCode::UNAUTHORIZED, code, "A key is needed", detail)
+            .remedy("Send Authorization: Bearer with a key of this service; its operator makes them.")
+    }
+}
+
+impl From<Exceeded> for Problem {
+    fn from(exceeded: Exceeded) -> Problem {
+        match exceeded {
+            Exceeded::StoredBytes { used, limit } => Problem::new(
+                StatusCode::PAYLOAD_TOO_LARGE,
+                "quota.stored_bytes",
+                "No room left in the quota",
+                format!("{used} of {limit} bytes are used, and this needs more."),
+            )
+            .remedy("Delete jobs and ray sets, or ask the operator for more."),
+            Exceeded::QueuedJobs { limit } => {
+                let status = StatusCode::TOO_MANY_REQUESTS;
+                let detail = format!("{limit} jobs are waiting, which is as many as may.");
+                let problem = Problem::new(status, "quota.queued_jobs", "Too many jobs are waiting", detail)
+                    .remedy("Queue it after the time in Retry-After, or cancel one that waits.");
+                Problem { retry_after_s: NonZeroU32::new(QUEUE_WAIT_S), ..problem }
+            }
+        }
     }
 }
 
@@ -295,13 +382,14 @@ impl From<upload::Error> for Problem {
             Error::Empty => Problem::new(StatusCode::BAD_REQUEST, "upload.empty", "The body is empty", "No byte came.")
                 .remedy("Send the ray file as the body, e.g. curl --data-binary @file."),
             Error::Truncated(detail) => Problem::body_truncated(&detail),
-            Error::Idle(limit) => Problem::new(
-                StatusCode::REQUEST_TIMEOUT,
-                "upload.idle",
-                "The upload fell silent",
-                format!("No byte came for {} s.", limit.as_secs_f64()),
-            )
-            .remedy("Send it again."),
+            Error::Slow(slow) => {
+                let status = StatusCode::REQUEST_TIMEOUT;
+                let (code, title) = match slow.bytes {
+                    0 => ("upload.idle", "The upload fell silent"),
+                    _ => ("upload.slow", "The upload is too slow"),
+                };
+                Problem::new(status, code, title, format!("{slow}.")).remedy("Send it again over a better link.")
+            }
             Error::Digest { announced, found } => Problem::new(
                 StatusCode::BAD_REQUEST,
                 "upload.digest_mismatch",
@@ -311,6 +399,7 @@ impl From<upload::Error> for Problem {
             .remedy("Send it again."),
             Error::Unfit(error) | Error::Packed(error) => error.into(),
             Error::NoRayFile(left_out) => Problem::no_ray_file(&left_out),
+            Error::Quota(exceeded) => exceeded.into(),
             Error::Storage(error) => error.into(),
         }
     }
@@ -323,6 +412,7 @@ impl From<queue::Error> for Problem {
             queue::Error::MissingRaySet(id) => Problem::no_ray_set(&id),
             queue::Error::MissingSpectrum(id) => Problem::no_spectrum(&id),
             queue::Error::State(state) => Problem::job_state(state),
+            queue::Error::Quota(exceeded) => exceeded.into(),
             queue::Error::Storage(error) => error.into(),
         }
     }

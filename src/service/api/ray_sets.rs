@@ -1,5 +1,6 @@
 //! `/v1/ray-sets`: ray files, as they came.
 
+use super::super::access::Access;
 use super::super::storage::inspections::{self, Drawing};
 use super::super::storage::ray_set_folder;
 use super::super::storage::ray_sets::{self, Deletion};
@@ -173,6 +174,7 @@ pub struct Naming {
 )]
 pub async fn upload(
     State(api): State<Api>,
+    access: Access,
     Query(naming): Query<Naming>,
     headers: HeaderMap,
     body: Body,
@@ -188,7 +190,8 @@ pub async fn upload(
     let _gone = announcement.gone.clone().drop_guard();
     let reader = api.clone();
     // A task of its own: when the client goes away this handler is dropped, and what was stored must still be cleaned up.
-    let taken = tokio::spawn(async move { api.intake.take(announcement, body.into_data_stream()).await });
+    let taken =
+        tokio::spawn(async move { api.intake.take(&access.tenant, announcement, body.into_data_stream()).await });
     let taken = taken.await.map_err(|error| {
         tracing::error!(%error, "an upload stopped");
         Problem::internal()
@@ -213,9 +216,13 @@ pub async fn upload(
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
     )
 )]
-pub async fn list(State(api): State<Api>, Query(page): Query<Page>) -> Result<Json<RaySetList>, Problem> {
+pub async fn list(
+    State(api): State<Api>,
+    access: Access,
+    Query(page): Query<Page>,
+) -> Result<Json<RaySetList>, Problem> {
     let limit = Page::limit(page.limit)?;
-    let rows = ray_sets::list(&api.storage.records, page.after.as_deref(), limit as i64 + 1).await?;
+    let rows = ray_sets::list(&api.storage.records, &access.tenant, page.after.as_deref(), limit as i64 + 1).await?;
     let (rows, next) = cut(rows, limit, |row| &row.id);
     Ok(Json(RaySetList { ray_sets: rows.into_iter().map(RaySet::listed).collect(), next }))
 }
@@ -230,9 +237,14 @@ pub async fn list(State(api): State<Api>, Query(page): Query<Page>) -> Result<Js
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
     )
 )]
-pub async fn get(State(api): State<Api>, Path(id): Path<String>) -> Result<Json<RaySet>, Problem> {
-    let row = ray_sets::get(&api.storage.records, &id).await?;
-    Ok(Json(RaySet::inspected(&api, row.ok_or_else(|| Problem::no_ray_set(&id))?).await?))
+pub async fn get(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<Json<RaySet>, Problem> {
+    Ok(Json(RaySet::inspected(&api, find(&api, &access, &id).await?).await?))
+}
+
+/// The ray set `id` of whoever asks, or 404.
+async fn find(api: &Api, access: &Access, id: &str) -> Result<ray_sets::RaySet, Problem> {
+    let row = ray_sets::get(&api.storage.records, &access.tenant, id).await?;
+    row.ok_or_else(|| Problem::no_ray_set(id))
 }
 
 /// Draws where the rays of a ray set start
@@ -251,8 +263,13 @@ pub async fn get(State(api): State<Api>, Path(id): Path<String>) -> Result<Json<
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
     )
 )]
-pub async fn origins(State(api): State<Api>, Path(id): Path<String>, headers: HeaderMap) -> Result<Response, Problem> {
-    drawing(&api, &id, ORIGINS, &headers).await
+pub async fn origins(
+    State(api): State<Api>,
+    access: Access,
+    Path(id): Path<String>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    drawing(&api, &access, &id, ORIGINS, &headers).await
 }
 
 /// Draws where the rays of a ray set go
@@ -273,17 +290,17 @@ pub async fn origins(State(api): State<Api>, Path(id): Path<String>, headers: He
 )]
 pub async fn far_field(
     State(api): State<Api>,
+    access: Access,
     Path(id): Path<String>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    drawing(&api, &id, FAR_FIELD, &headers).await
+    drawing(&api, &access, &id, FAR_FIELD, &headers).await
 }
 
-async fn drawing(api: &Api, id: &str, name: &str, headers: &HeaderMap) -> Result<Response, Problem> {
-    let Some(Drawing { sha256, svg, .. }) = inspections::drawing(&api.storage.records, id, name).await? else {
-        let known = ray_sets::get(&api.storage.records, id).await?.is_some();
-        return Err(if known { Problem::no_drawing(name) } else { Problem::no_ray_set(id) });
-    };
+async fn drawing(api: &Api, access: &Access, id: &str, name: &str, headers: &HeaderMap) -> Result<Response, Problem> {
+    find(api, access, id).await?;
+    let found = inspections::drawing(&api.storage.records, id, name).await?;
+    let Drawing { sha256, svg, .. } = found.ok_or_else(|| Problem::no_drawing(name))?;
     let etag = format!("\"{sha256}\"");
     // A drawing is small: a range is answered with all of it.
     let known = wanted(headers, &etag, svg.len() as u64) == Wanted::Nothing;
@@ -312,8 +329,8 @@ async fn drawing(api: &Api, id: &str, name: &str, headers: &HeaderMap) -> Result
         (status = 503, body = Problem, content_type = "application/problem+json", description = "a store that does not answer"),
     )
 )]
-pub async fn delete(State(api): State<Api>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
-    match ray_sets::delete(&api.storage.records, &id).await? {
+pub async fn delete(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<StatusCode, Problem> {
+    match ray_sets::delete(&api.storage.records, &access.tenant, &id).await? {
         Deletion::Missing => Err(Problem::no_ray_set(&id)),
         Deletion::Needed => Err(Problem::ray_set_needed(&id)),
         Deletion::Deleted => {

@@ -1,5 +1,6 @@
 //! `/v1/spectra`: spectra of channels, from files of their own.
 
+use super::super::access::Access;
 use super::super::jobs::StoredNotice;
 use super::super::jobs::worker::hex;
 use super::super::storage::new_id;
@@ -107,6 +108,7 @@ impl From<spectra::Spectrum> for Spectrum {
 )]
 pub async fn upload(
     State(api): State<Api>,
+    access: Access,
     Query(naming): Query<Naming>,
     headers: HeaderMap,
     body: Body,
@@ -144,7 +146,8 @@ pub async fn upload(
         notices: json(serde_json::to_string(&notices))?,
         created_ms: 0,
     };
-    let spectrum = Spectrum::from(spectra::insert(&api.storage.records, row).await?);
+    let row = spectra::insert(&api.storage.records, &access.tenant, api.intake.quota, row).await??;
+    let spectrum = Spectrum::from(row);
     let location = [(header::LOCATION, spectrum.links.this.clone())];
     Ok((StatusCode::CREATED, location, Json(spectrum)).into_response())
 }
@@ -158,9 +161,13 @@ pub async fn upload(
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
     )
 )]
-pub async fn list(State(api): State<Api>, Query(page): Query<Page>) -> Result<Json<SpectrumList>, Problem> {
+pub async fn list(
+    State(api): State<Api>,
+    access: Access,
+    Query(page): Query<Page>,
+) -> Result<Json<SpectrumList>, Problem> {
     let limit = Page::limit(page.limit)?;
-    let rows = spectra::list(&api.storage.records, page.after.as_deref(), limit as i64 + 1).await?;
+    let rows = spectra::list(&api.storage.records, &access.tenant, page.after.as_deref(), limit as i64 + 1).await?;
     let (rows, next) = cut(rows, limit, |row| &row.id);
     Ok(Json(SpectrumList { spectra: rows.into_iter().map(Spectrum::from).collect(), next }))
 }
@@ -175,8 +182,8 @@ pub async fn list(State(api): State<Api>, Query(page): Query<Page>) -> Result<Js
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
     )
 )]
-pub async fn get(State(api): State<Api>, Path(id): Path<String>) -> Result<Json<Spectrum>, Problem> {
-    let row = spectra::get(&api.storage.records, &id).await?;
+pub async fn get(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<Json<Spectrum>, Problem> {
+    let row = spectra::get(&api.storage.records, &access.tenant, &id).await?;
     Ok(Json(row.ok_or_else(|| Problem::no_spectrum(&id))?.into()))
 }
 
@@ -193,8 +200,8 @@ pub async fn get(State(api): State<Api>, Path(id): Path<String>) -> Result<Json<
         (status = 503, body = Problem, content_type = "application/problem+json", description = "a store that does not answer"),
     )
 )]
-pub async fn delete(State(api): State<Api>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
-    match spectra::delete(&api.storage.records, &id).await? {
+pub async fn delete(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<StatusCode, Problem> {
+    match spectra::delete(&api.storage.records, &access.tenant, &id).await? {
         Deletion::Missing => Err(Problem::no_spectrum(&id)),
         Deletion::Needed => Err(Problem::spectrum_needed(&id)),
         Deletion::Deleted => Ok(StatusCode::NO_CONTENT),

@@ -6,6 +6,8 @@ use super::channels::{Channel, TotalFlux};
 use super::options::JobOptions;
 use super::{Failure, State, StoredNotice};
 use crate::pipeline::Stage;
+use std::collections::BTreeMap;
+use std::time::Duration;
 
 /// A job as its rows have it.
 #[derive(Clone, Debug)]
@@ -59,34 +61,35 @@ pub struct StoredArtifact {
 
 const SELECT_ONE: &str = "SELECT jobs.*, \
     (SELECT COUNT(*) FROM jobs ahead WHERE ahead.state = 'queued' AND ahead.id <= jobs.id) AS position \
-    FROM jobs WHERE id = $1";
+    FROM jobs WHERE tenant = $1 AND id = $2";
 const SELECT_MANY: &str = "SELECT jobs.*, \
     (SELECT COUNT(*) FROM jobs ahead WHERE ahead.state = 'queued' AND ahead.id <= jobs.id) AS position \
-    FROM jobs WHERE ($1 IS NULL OR state = $1) AND ($2 IS NULL OR id < $2) ORDER BY id DESC LIMIT $3";
+    FROM jobs WHERE tenant = $1 AND ($2 IS NULL OR state = $2) AND ($3 IS NULL OR id < $3) ORDER BY id DESC LIMIT $4";
 
-/// The job `id`, if there is one.
+/// The job `id` of `tenant`, if there is one.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn get(records: &Records, id: &str) -> Result<Option<Job>, Error> {
-    match records.read_one(sql(SELECT_ONE).bind(id)).await? {
+pub async fn get(records: &Records, tenant: &str, id: &str) -> Result<Option<Job>, Error> {
+    match records.read_one(sql(SELECT_ONE).bind(tenant).bind(id)).await? {
         Some(row) => Ok(Some(job(records, &row).await?)),
         None => Ok(None),
     }
 }
 
-/// At most `limit` jobs older than the one called `before`, newest first; only those in `state` if given.
+/// At most `limit` jobs of `tenant`, older than the one called `before`, newest first; only those in `state` if given.
 ///
 /// # Errors
 /// The database did not answer.
 pub async fn list(
     records: &Records,
+    tenant: &str,
     state: Option<State>,
     before: Option<&str>,
     limit: i64,
 ) -> Result<Vec<Job>, Error> {
     let mut jobs = Vec::new();
-    let select = sql(SELECT_MANY).bind(state.map(State::name)).bind(before).bind(limit);
+    let select = sql(SELECT_MANY).bind(tenant).bind(state.map(State::name)).bind(before).bind(limit);
     for row in records.read(select).await? {
         jobs.push(job(records, &row).await?);
     }
@@ -172,4 +175,53 @@ fn artifact(row: &Row) -> Result<StoredArtifact, Error> {
 
 fn stored<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, Error> {
     serde_json::from_str(text).map_err(|error| Error::Records(Box::new(error)))
+}
+
+/// What waits and what runs, in all processes together.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Backlog {
+    /// Waiting jobs.
+    pub queued: u64,
+    /// Running jobs by the stage they are in, "none" before the first.
+    pub running: BTreeMap<String, u64>,
+    /// How long the oldest waiting job has waited.
+    pub oldest_queued: Duration,
+    /// How long ago the running job that was begun first was begun.
+    pub oldest_running: Duration,
+    /// Running jobs whose lease has ended.
+    pub overdue: u64,
+    /// Tenants with waiting jobs.
+    pub tenants_waiting: u64,
+    /// Waiting jobs of the tenant that has most.
+    pub longest_tenant_queue: u64,
+}
+
+/// What waits and what runs.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn backlog(records: &Records) -> Result<Backlog, Error> {
+    let age = |row: &Row, since: &str| {
+        let ms = row.optional_number(since)?.map_or(0, |since_ms| row.number("now_ms").unwrap_or(0) - since_ms);
+        Ok::<_, Error>(Duration::from_millis(ms.max(0).unsigned_abs()))
+    };
+    let mut backlog = Backlog::default();
+    let queued = "SELECT tenant, COUNT(*) AS jobs, MIN(created_ms) AS since_ms, {now} AS now_ms FROM jobs \
+                  WHERE state = 'queued' GROUP BY tenant";
+    for row in &records.read(sql(queued)).await? {
+        let jobs = row.count("jobs")?;
+        backlog.queued += jobs;
+        backlog.tenants_waiting += 1;
+        backlog.longest_tenant_queue = backlog.longest_tenant_queue.max(jobs);
+        backlog.oldest_queued = backlog.oldest_queued.max(age(row, "since_ms")?);
+    }
+    let running = "SELECT COALESCE(stage, 'none') AS in_stage, COUNT(*) AS jobs, MIN(started_ms) AS since_ms, \
+                   COUNT(CASE WHEN lease_until_ms < {now} THEN 1 END) AS overdue, {now} AS now_ms FROM jobs \
+                   WHERE state = 'running' GROUP BY COALESCE(stage, 'none')";
+    for row in &records.read(sql(running)).await? {
+        backlog.running.insert(row.text("in_stage")?, row.count("jobs")?);
+        backlog.overdue += row.count("overdue")?;
+        backlog.oldest_running = backlog.oldest_running.max(age(row, "since_ms")?);
+    }
+    Ok(backlog)
 }

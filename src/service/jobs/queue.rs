@@ -1,7 +1,9 @@
 //! Every change of a job's state, one statement each. At least once begun, exactly once published: a worker's write names
 //! the fence its claim gave it, and zero rows changed means that the lease was lost and the result is nobody's.
 
+use super::super::access::quota::{Exceeded, Quota};
 use super::super::crash;
+use super::super::metrics::Metrics;
 use super::super::storage::records::sql;
 use super::super::storage::{self, Storage, job_folder, new_id};
 use super::channels::{Channel, NewJob};
@@ -29,6 +31,9 @@ pub enum Error {
     /// The job is in a state from which this is not legal.
     #[error("the job is {}", .0.name())]
     State(State),
+    /// The tenant has too many jobs waiting, or no room for what it would give.
+    #[error(transparent)]
+    Quota(#[from] Exceeded),
     /// A store did not answer.
     #[error(transparent)]
     Storage(#[from] storage::Error),
@@ -39,6 +44,8 @@ pub enum Error {
 pub struct Claim {
     /// The job.
     pub id: String,
+    /// Whose it is.
+    pub tenant: String,
     /// Names this claim among all of the job's.
     pub fence: i64,
     /// How often it was begun, this time included.
@@ -75,6 +82,8 @@ pub struct Queue {
     owner: String,
     lease_ms: i64,
     max_attempts: u32,
+    quota: Quota,
+    metrics: Metrics,
     wake: Arc<Notify>,
 }
 
@@ -84,7 +93,22 @@ impl Queue {
         let lease_ms = i64::try_from(lease.as_millis()).unwrap_or(i64::MAX);
         let process = new_id();
         let owner = format!("{process}.0");
-        Queue { storage, process, owner, lease_ms, max_attempts, wake: Arc::new(Notify::new()) }
+        Queue {
+            storage,
+            process,
+            owner,
+            lease_ms,
+            max_attempts,
+            quota: Quota::default(),
+            metrics: Metrics::new(),
+            wake: Arc::new(Notify::new()),
+        }
+    }
+
+    /// The same queue, in which a tenant without a quota of its own has this one, and what happens is counted here.
+    #[must_use]
+    pub fn bounded(self, quota: Quota, metrics: Metrics) -> Queue {
+        Queue { quota, metrics, ..self }
     }
 
     /// The queue as slot `slot` of this process sees it. A slot asks for a job only when it has none.
@@ -98,31 +122,37 @@ impl Queue {
         self.wake.notified().await;
     }
 
-    /// Accepts a job: from here on it will be done, whatever happens to this process.
+    /// Accepts a job of `tenant`: from here on it will be done, whatever happens to this process.
     ///
     /// # Errors
-    /// [`Error::MissingRaySet`], [`Error::MissingSpectrum`], [`Error::Storage`].
-    pub async fn enqueue(&self, new: &NewJob) -> Result<String, Error> {
+    /// [`Error::MissingRaySet`], [`Error::MissingSpectrum`], [`Error::Quota`], [`Error::Storage`].
+    pub async fn enqueue(&self, tenant: &str, new: &NewJob) -> Result<String, Error> {
         let id = new_id();
         let mut transaction = self.storage.records.begin().await?;
-        let insert = "INSERT INTO jobs (id, state, options, attempt, max_attempts, fence, cancel_requested, \
+        self.quota.admit_job(&mut transaction, tenant).await??;
+        let insert = "INSERT INTO jobs (tenant, id, state, options, attempt, max_attempts, fence, cancel_requested, \
                       stage_progress, notices, created_ms, total) \
-                      VALUES ($1, 'queued', $2, 0, $3, 0, 0, 0, '[]', {now}, $4)";
-        let insert = sql(insert).bind(id.as_str()).bind(json(&new.options)?).bind(i64::from(self.max_attempts));
+                      VALUES ($1, $2, 'queued', $3, 0, $4, 0, 0, 0, '[]', {now}, $5)";
+        let insert = sql(insert).bind(tenant).bind(id.as_str()).bind(json(&new.options)?);
+        let insert = insert.bind(i64::from(self.max_attempts));
         let total = new.total.as_ref().map(json).transpose()?;
         let insert = insert.bind(total.as_deref());
         transaction.write(insert).await?;
         for (position, channel) in new.channels.iter().enumerate() {
             let insert = "INSERT INTO job_inputs (job_id, position, ray_set_id, declared, spectrum_id) \
-                          SELECT $1, $2, id, $3, $4 FROM ray_sets WHERE id = $5 {for_share}";
+                          SELECT $1, $2, id, $3, $4 FROM ray_sets WHERE id = $5 AND tenant = $6 {for_share}";
             let insert = sql(insert).bind(id.as_str()).bind(position as i64).bind(declared(channel)?);
-            let insert = insert.bind(channel.spectrum_id()).bind(channel.ray_set.as_str());
+            let insert = insert.bind(channel.spectrum_id()).bind(channel.ray_set.as_str()).bind(tenant);
             if transaction.write(insert).await? == 0 {
                 return Err(Error::MissingRaySet(channel.ray_set.clone()));
             }
             if let Some(spectrum) = channel.spectrum_id()
                 && transaction
-                    .read(sql("SELECT id FROM spectra WHERE id = $1 {for_share}").bind(spectrum))
+                    .read(
+                        sql("SELECT id FROM spectra WHERE tenant = $1 AND id = $2 {for_share}")
+                            .bind(tenant)
+                            .bind(spectrum),
+                    )
                     .await?
                     .is_empty()
             {
@@ -136,7 +166,7 @@ impl Queue {
         Ok(id)
     }
 
-    /// Takes the oldest waiting job that need not wait longer, after giving back what lost workers held.
+    /// Takes the oldest waiting job that need not wait longer and whose tenant may run one more, after giving back what lost workers held.
     ///
     /// # Errors
     /// The database did not answer.
@@ -145,16 +175,27 @@ impl Queue {
         let claim = "UPDATE jobs SET state = 'running', attempt = attempt + 1, fence = fence + 1, lease_owner = $1, \
                      lease_until_ms = {now} + $2, stage = NULL, stage_progress = 0, started_ms = {now} \
                      WHERE id = (SELECT id FROM jobs WHERE state = 'queued' AND COALESCE(lease_until_ms, 0) <= {now} \
+                     AND tenant NOT IN (SELECT id FROM tenants WHERE running_jobs = 0 UNION ALL \
+                     SELECT run.tenant FROM jobs run LEFT JOIN tenants ON tenants.id = run.tenant \
+                     WHERE run.state = 'running' GROUP BY run.tenant \
+                     HAVING COUNT(*) >= MIN(COALESCE(tenants.running_jobs, $3))) \
                      ORDER BY id LIMIT 1 {skip_locked}) \
-                     RETURNING id, fence, attempt, options";
+                     RETURNING id, tenant, fence, attempt, options";
         let claim = sql(claim).bind(self.owner.as_str()).bind(self.lease_ms);
+        let claim = claim.bind(i64::try_from(self.quota.running_jobs).unwrap_or(i64::MAX));
         let mut transaction = self.storage.records.begin().await?;
         let rows = transaction.read(claim).await?;
-        transaction.commit().await?;
         let Some(row) = rows.first() else { return Ok(None) };
+        let tenant = row.text("tenant")?;
+        // Another process may have begun a job of this tenant since that was looked at: then this one waits.
+        if !self.quota.admits_run(&mut transaction, &tenant).await? {
+            return Ok(None);
+        }
+        transaction.commit().await?;
         crash::point("claim.committed");
         Ok(Some(Claim {
             id: row.text("id")?,
+            tenant,
             fence: row.number("fence")?,
             attempt: row.number("attempt")?,
             options: row.text("options")?,
@@ -275,32 +316,32 @@ impl Queue {
     ///
     /// # Errors
     /// [`Error::Missing`]; [`Error::State`] when it has ended; [`Error::Storage`].
-    pub async fn cancel(&self, id: &str) -> Result<(), Error> {
+    pub async fn cancel(&self, tenant: &str, id: &str) -> Result<(), Error> {
         let cancel = "UPDATE jobs SET cancel_requested = 1, \
                       finished_ms = CASE state WHEN 'queued' THEN {now} ELSE finished_ms END, \
                       lease_until_ms = CASE state WHEN 'queued' THEN NULL ELSE lease_until_ms END, \
                       state = CASE state WHEN 'queued' THEN 'cancelled' ELSE state END \
-                      WHERE id = $1 AND state IN ('queued', 'running')";
-        if self.storage.records.write(sql(cancel).bind(id)).await? > 0 {
+                      WHERE tenant = $1 AND id = $2 AND state IN ('queued', 'running')";
+        if self.storage.records.write(sql(cancel).bind(tenant).bind(id)).await? > 0 {
             return Ok(());
         }
-        Err(self.refusal(id).await?)
+        Err(self.refusal(tenant, id).await?)
     }
 
     /// Forgets an ended job: rows first, then blobs.
     ///
     /// # Errors
     /// [`Error::Missing`]; [`Error::State`] when it has not ended; [`Error::Storage`].
-    pub async fn delete(&self, id: &str) -> Result<(), Error> {
-        let delete = "DELETE FROM jobs WHERE id = $1 AND state IN ('succeeded', 'failed', 'cancelled')";
-        if self.storage.records.write(sql(delete).bind(id)).await? == 0 {
-            return Err(self.refusal(id).await?);
+    pub async fn delete(&self, tenant: &str, id: &str) -> Result<(), Error> {
+        let delete = "DELETE FROM jobs WHERE tenant = $1 AND id = $2 AND state IN ('succeeded', 'failed', 'cancelled')";
+        if self.storage.records.write(sql(delete).bind(tenant).bind(id)).await? == 0 {
+            return Err(self.refusal(tenant, id).await?);
         }
         Ok(self.storage.blobs.delete_all(&job_folder(id)).await?)
     }
 
-    async fn refusal(&self, id: &str) -> Result<Error, storage::Error> {
-        let job = query::get(&self.storage.records, id).await?;
+    async fn refusal(&self, tenant: &str, id: &str) -> Result<Error, storage::Error> {
+        let job = query::get(&self.storage.records, tenant, id).await?;
         Ok(job.map_or_else(|| Error::Missing(id.to_owned()), |job| Error::State(job.state)))
     }
 
@@ -327,6 +368,7 @@ impl Queue {
         let sweep = sql(sweep).bind(json(&Failure::worker_lost(self.max_attempts))?).bind(self.owner.as_str());
         let swept = self.storage.records.write(sweep.bind(format!("{}.%", self.process))).await?;
         if swept > 0 {
+            self.metrics.leases_lost(swept);
             tracing::warn!(jobs = swept, "took back jobs of lost workers");
         }
         Ok(())

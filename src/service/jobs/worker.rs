@@ -1,6 +1,7 @@
 //! Takes jobs from the queue and computes them: the only caller of [`pipeline::run`], on threads that serve nobody else.
 
 use super::super::crash;
+use super::super::metrics::Metrics;
 use super::super::storage::parts::{Part, Parts};
 use super::super::storage::ray_sets::RaySet;
 use super::super::storage::{self, Storage, ray_sets, spectra};
@@ -19,6 +20,7 @@ use tokio::runtime::Handle;
 use tokio::task::{JoinError, JoinSet, spawn_blocking};
 use tokio::time::{Instant, MissedTickBehavior, interval, sleep};
 use tokio_util::sync::CancellationToken;
+use tracing::Instrument;
 
 /// The artifact that holds all others.
 pub const ZIP: &str = "model.zip";
@@ -64,6 +66,8 @@ pub struct Worker {
     pub beat: Duration,
     /// How long a job that is computed waits for room in the store.
     pub patience: Duration,
+    /// What is counted.
+    pub metrics: Metrics,
     /// Take no more jobs.
     pub stop: CancellationToken,
     /// Give back those at hand.
@@ -109,7 +113,8 @@ impl Worker {
         while !self.stop.is_cancelled() {
             match self.queue.claim().await {
                 Ok(Some(claim)) => {
-                    self.attempt(&claim, Arc::clone(&pool)).await;
+                    let span = tracing::info_span!("job", id = claim.id, attempt = claim.attempt);
+                    self.attempt(&claim, Arc::clone(&pool)).instrument(span).await;
                     continue;
                 }
                 Ok(None) => {}
@@ -126,6 +131,7 @@ impl Worker {
     /// One attempt at a job, from claim to the row that ends it.
     async fn attempt(&self, claim: &Claim, pool: Arc<ThreadPool>) {
         tracing::info!(job = claim.id, attempt = claim.attempt, "job begun");
+        let begun = Instant::now();
         let progress = Arc::new(Progress::default());
         // Dropped with this future, when the service is: a thread cannot be stopped, only told.
         let _stop_when_dropped = StopOnDrop(Arc::clone(&progress));
@@ -156,6 +162,7 @@ impl Worker {
         if !matches!(word, "succeeded") {
             self.forget(claim).await;
         }
+        self.metrics.attempted(word, begun.elapsed());
         tracing::info!(job = claim.id, attempt = claim.attempt, ending = word, "job ended");
     }
 
@@ -239,7 +246,7 @@ impl Worker {
         options.rays.total = total.map(TotalFlux::total);
         let mut inputs = Vec::new();
         for channel in query::channels(&self.storage.records, &claim.id).await.map_err(unread)? {
-            let (ray_set, parts, spectrum) = self.stored(&channel).await.map_err(unread)?;
+            let (ray_set, parts, spectrum) = self.stored(claim, &channel).await.map_err(unread)?;
             let bytes = Arc::new(Parts::new(self.storage.blobs.clone(), parts, Handle::current()));
             let declared = channel.resolve(inputs.len(), spectrum.as_deref())?;
             inputs.push(Input { name: ray_set.name, sha256: ray_set.sha256, bytes, declared });
@@ -248,14 +255,18 @@ impl Worker {
     }
 
     /// What a channel names: its ray set, where its bytes are, the points of its spectrum.
-    async fn stored(&self, channel: &Channel) -> Result<(RaySet, Vec<Part>, Option<Vec<(f64, f64)>>), storage::Error> {
-        let records = &self.storage.records;
+    async fn stored(
+        &self,
+        claim: &Claim,
+        channel: &Channel,
+    ) -> Result<(RaySet, Vec<Part>, Option<Vec<(f64, f64)>>), storage::Error> {
+        let (records, tenant) = (&self.storage.records, claim.tenant.as_str());
         let missing = |what: &str, id: &str| storage::Error::Records(format!("{what} {id} is gone").into());
         let id = &channel.ray_set;
-        let ray_set = ray_sets::get(records, id).await?.ok_or_else(|| missing("ray set", id))?;
+        let ray_set = ray_sets::get(records, tenant, id).await?.ok_or_else(|| missing("ray set", id))?;
         let parts = ray_sets::parts(records, id).await?;
         let Some(id) = channel.spectrum_id() else { return Ok((ray_set, parts, None)) };
-        let spectrum = spectra::get(records, id).await?.ok_or_else(|| missing("spectrum", id))?;
+        let spectrum = spectra::get(records, tenant, id).await?.ok_or_else(|| missing("spectrum", id))?;
         Ok((ray_set, parts, Some(spectrum.points()?)))
     }
 

@@ -10,6 +10,8 @@ pub mod parts;
 pub mod ray_sets;
 /// Rows of what was found in their rays.
 pub mod inspections;
+/// Room on local disks.
+pub mod space;
 /// Blobs that no row names.
 pub mod garbage;
 /// Rows of spectra.

@@ -1,5 +1,6 @@
 //! Rows of ray sets and their parts.
 
+use super::super::access::quota::{Exceeded, Quota};
 use super::super::crash;
 use super::Error;
 use super::inspections::{self, Inspection};
@@ -75,24 +76,33 @@ fn ray_set(row: &Row) -> Result<RaySet, Error> {
 /// their times.
 ///
 /// # Errors
-/// The database did not answer.
-pub async fn insert(records: &Records, new: Vec<Draft>) -> Result<Vec<RaySet>, Error> {
+/// The database did not answer. Within: the tenant has no room for them; none is known.
+pub async fn insert(
+    records: &Records,
+    tenant: &str,
+    quota: Quota,
+    new: Vec<Draft>,
+) -> Result<Result<Vec<RaySet>, Exceeded>, Error> {
     let mut transaction = records.begin().await?;
     let mut known = Vec::new();
     for draft in new {
-        known.push(insert_one(&mut transaction, draft).await?);
+        known.push(insert_one(&mut transaction, tenant, draft).await?);
+    }
+    if let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await? {
+        return Ok(Err(exceeded));
     }
     crash::point("upload.before_commit");
     transaction.commit().await?;
     crash::point("upload.committed");
-    Ok(known)
+    Ok(Ok(known))
 }
 
-async fn insert_one(transaction: &mut Transaction, draft: Draft) -> Result<RaySet, Error> {
+async fn insert_one(transaction: &mut Transaction, tenant: &str, draft: Draft) -> Result<RaySet, Error> {
     let Draft { ray_set: new, parts, inspection } = draft;
-    let insert = "INSERT INTO ray_sets (id, name, byte_count, sha256, header, packed_name, packed_sha256, created_ms) \
-                  VALUES ($1, $2, $3, $4, $5, $6, $7, {now}) RETURNING created_ms";
-    let insert = sql(insert).bind(new.id.as_str()).bind(new.name.as_str()).bind(new.byte_count.cast_signed());
+    let insert = "INSERT INTO ray_sets (tenant, id, name, byte_count, sha256, header, packed_name, packed_sha256, \
+                  created_ms) VALUES ($1, $2, $3, $4, $5, $6, $7, $8, {now}) RETURNING created_ms";
+    let insert =
+        sql(insert).bind(tenant).bind(new.id.as_str()).bind(new.name.as_str()).bind(new.byte_count.cast_signed());
     let insert = insert.bind(new.sha256.as_str()).bind(new.header.as_str());
     let packed = new.packed.as_ref();
     let insert = insert.bind(packed.map(|packed| packed.name.as_str()));
@@ -107,22 +117,23 @@ async fn insert_one(transaction: &mut Transaction, draft: Draft) -> Result<RaySe
     Ok(RaySet { created_ms, ..new })
 }
 
-/// The ray set `id`, if there is one.
+/// The ray set `id` of `tenant`, if there is one.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn get(records: &Records, id: &str) -> Result<Option<RaySet>, Error> {
-    let row = records.read_one(sql("SELECT * FROM ray_sets WHERE id = $1").bind(id)).await?;
+pub async fn get(records: &Records, tenant: &str, id: &str) -> Result<Option<RaySet>, Error> {
+    let select = sql("SELECT * FROM ray_sets WHERE tenant = $1 AND id = $2");
+    let row = records.read_one(select.bind(tenant).bind(id)).await?;
     row.as_ref().map(ray_set).transpose()
 }
 
-/// At most `limit` ray sets older than the one called `before`, newest first.
+/// At most `limit` ray sets of `tenant`, older than the one called `before`, newest first.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn list(records: &Records, before: Option<&str>, limit: i64) -> Result<Vec<RaySet>, Error> {
-    let select = sql("SELECT * FROM ray_sets WHERE ($1 IS NULL OR id < $1) ORDER BY id DESC LIMIT $2");
-    records.read(select.bind(before).bind(limit)).await?.iter().map(ray_set).collect()
+pub async fn list(records: &Records, tenant: &str, before: Option<&str>, limit: i64) -> Result<Vec<RaySet>, Error> {
+    let select = "SELECT * FROM ray_sets WHERE tenant = $1 AND ($2 IS NULL OR id < $2) ORDER BY id DESC LIMIT $3";
+    records.read(sql(select).bind(tenant).bind(before).bind(limit)).await?.iter().map(ray_set).collect()
 }
 
 /// The parts of a ray set, in order.
@@ -135,21 +146,23 @@ pub async fn parts(records: &Records, id: &str) -> Result<Vec<Part>, Error> {
     rows.iter().map(|row| Ok(Part { byte_count: row.count("byte_count")?, blob: row.text("blob")? })).collect()
 }
 
-/// Deletes the rows of a ray set that no unfinished job needs.
+/// Deletes the rows of a ray set of `tenant` that no unfinished job needs.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn delete(records: &Records, id: &str) -> Result<Deletion, Error> {
+pub async fn delete(records: &Records, tenant: &str, id: &str) -> Result<Deletion, Error> {
     let mut transaction = records.begin().await?;
     // Waits for whoever is queuing a job for it, and makes those that come later wait: only then can the jobs be looked at.
-    transaction.write(sql("UPDATE ray_sets SET name = name WHERE id = $1").bind(id)).await?;
-    let delete = "DELETE FROM ray_sets WHERE id = $1 AND NOT EXISTS (SELECT 1 FROM job_inputs \
+    transaction
+        .write(sql("UPDATE ray_sets SET name = name WHERE tenant = $1 AND id = $2").bind(tenant).bind(id))
+        .await?;
+    let delete = "DELETE FROM ray_sets WHERE tenant = $1 AND id = $2 AND NOT EXISTS (SELECT 1 FROM job_inputs \
                   JOIN jobs ON jobs.id = job_inputs.job_id \
-                  WHERE job_inputs.ray_set_id = $1 AND jobs.state IN ('queued', 'running'))";
-    let deleted = transaction.write(sql(delete).bind(id)).await?;
+                  WHERE job_inputs.ray_set_id = $2 AND jobs.state IN ('queued', 'running'))";
+    let deleted = transaction.write(sql(delete).bind(tenant).bind(id)).await?;
     transaction.commit().await?;
     if deleted > 0 {
         return Ok(Deletion::Deleted);
     }
-    Ok(if get(records, id).await?.is_some() { Deletion::Needed } else { Deletion::Missing })
+    Ok(if get(records, tenant, id).await?.is_some() { Deletion::Needed } else { Deletion::Missing })
 }

@@ -1,5 +1,6 @@
 //! Rows of spectra.
 
+use super::super::access::quota::{Exceeded, Quota};
 use super::Error;
 use super::ray_sets::Deletion;
 use super::records::{Records, Row, sql};
@@ -57,50 +58,59 @@ fn spectrum(row: &Row, nm_value: String) -> Result<Spectrum, Error> {
 /// Makes a spectrum known. Answers it with its time.
 ///
 /// # Errors
-/// The database did not answer.
-pub async fn insert(records: &Records, new: Spectrum) -> Result<Spectrum, Error> {
+/// The database did not answer. Within: the tenant has no room for it.
+pub async fn insert(
+    records: &Records,
+    tenant: &str,
+    quota: Quota,
+    new: Spectrum,
+) -> Result<Result<Spectrum, Exceeded>, Error> {
     let mut transaction = records.begin().await?;
     let insert = "INSERT INTO spectra (id, name, sha256, format, point_count, from_nm, to_nm, lm_per_w, nm_value, notices, \
-                  created_ms) VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, {now}) RETURNING created_ms";
+                  tenant, created_ms) VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, {now}) RETURNING created_ms";
     let insert = sql(insert).bind(new.id.as_str()).bind(new.name.as_str()).bind(new.sha256.as_str());
     let insert = insert.bind(new.format.as_str()).bind(new.point_count.cast_signed()).bind(new.range_nm.0);
     let insert = insert.bind(new.range_nm.1).bind(new.lm_per_w).bind(new.nm_value.as_str());
-    let rows = transaction.read(insert.bind(new.notices.as_str())).await?;
+    let rows = transaction.read(insert.bind(new.notices.as_str()).bind(tenant)).await?;
+    if let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await? {
+        return Ok(Err(exceeded));
+    }
     transaction.commit().await?;
     let created_ms = rows.first().map_or(Ok(0), |row| row.number("created_ms"))?;
-    Ok(Spectrum { created_ms, ..new })
+    Ok(Ok(Spectrum { created_ms, ..new }))
 }
 
-/// The spectrum `id`, if there is one.
+/// The spectrum `id` of `tenant`, if there is one.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn get(records: &Records, id: &str) -> Result<Option<Spectrum>, Error> {
-    let row = records.read_one(sql("SELECT * FROM spectra WHERE id = $1").bind(id)).await?;
+pub async fn get(records: &Records, tenant: &str, id: &str) -> Result<Option<Spectrum>, Error> {
+    let select = sql("SELECT * FROM spectra WHERE tenant = $1 AND id = $2");
+    let row = records.read_one(select.bind(tenant).bind(id)).await?;
     row.as_ref().map(|row| spectrum(row, row.text("nm_value")?)).transpose()
 }
 
-/// At most `limit` spectra older than the one called `before`, newest first, without their tables.
+/// At most `limit` spectra of `tenant`, older than the one called `before`, newest first, without their tables.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn list(records: &Records, before: Option<&str>, limit: i64) -> Result<Vec<Spectrum>, Error> {
+pub async fn list(records: &Records, tenant: &str, before: Option<&str>, limit: i64) -> Result<Vec<Spectrum>, Error> {
     let select = "SELECT id, name, sha256, format, point_count, from_nm, to_nm, lm_per_w, notices, created_ms \
-                  FROM spectra WHERE ($1 IS NULL OR id < $1) ORDER BY id DESC LIMIT $2";
-    let rows = records.read(sql(select).bind(before).bind(limit)).await?;
+                  FROM spectra WHERE tenant = $1 AND ($2 IS NULL OR id < $2) ORDER BY id DESC LIMIT $3";
+    let rows = records.read(sql(select).bind(tenant).bind(before).bind(limit)).await?;
     rows.iter().map(|row| spectrum(row, String::new())).collect()
 }
 
-/// Deletes a spectrum that no unfinished job needs.
+/// Deletes a spectrum of `tenant` that no unfinished job needs.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn delete(records: &Records, id: &str) -> Result<Deletion, Error> {
-    let delete = "DELETE FROM spectra WHERE id = $1 AND NOT EXISTS (SELECT 1 FROM job_inputs \
+pub async fn delete(records: &Records, tenant: &str, id: &str) -> Result<Deletion, Error> {
+    let delete = "DELETE FROM spectra WHERE tenant = $1 AND id = $2 AND NOT EXISTS (SELECT 1 FROM job_inputs \
                   JOIN jobs ON jobs.id = job_inputs.job_id \
-                  WHERE job_inputs.spectrum_id = $1 AND jobs.state IN ('queued', 'running'))";
-    if records.write(sql(delete).bind(id)).await? > 0 {
+                  WHERE job_inputs.spectrum_id = $2 AND jobs.state IN ('queued', 'running'))";
+    if records.write(sql(delete).bind(tenant).bind(id)).await? > 0 {
         return Ok(Deletion::Deleted);
     }
-    Ok(if get(records, id).await?.is_some() { Deletion::Needed } else { Deletion::Missing })
+    Ok(if get(records, tenant, id).await?.is_some() { Deletion::Needed } else { Deletion::Missing })
 }

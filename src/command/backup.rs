@@ -1,0 +1,50 @@
+//! `backup`: a copy of everything a service keeps, taken while it runs.
+
+use super::Failure;
+use super::stores::{self, Stores};
+use super::table::count;
+use crate::service::backup::{self, Error};
+use clap::Args;
+use std::path::PathBuf;
+
+/// Arguments of `backup`.
+#[derive(Args)]
+pub struct Arguments {
+    /// The folder for the copy; one that holds an earlier backup gets what is new.
+    #[arg(long, value_name = "DIR")]
+    to: PathBuf,
+    #[command(flatten)]
+    stores: Stores,
+}
+
+/// Makes a backup.
+///
+/// # Errors
+/// Stores that are elsewhere; a disk that says no; a blob that is missing.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let config = arguments.stores.config();
+    let copied = stores::run(async { Ok(backup::backup(&config, &arguments.to).await?) })?;
+    println!(
+        "{}: {} blobs, {} of them new ({} bytes); restore with: lampwright serve --data {0}",
+        arguments.to.display(),
+        count(copied.blobs),
+        count(copied.fresh),
+        count(copied.fresh_bytes),
+    );
+    if copied.deleted > 0 {
+        println!("{} ray sets and jobs were deleted meanwhile and are not in it", count(copied.deleted));
+    }
+    Ok(())
+}
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Failure {
+        let (code, remedy) = match &error {
+            Error::Elsewhere => ("backup.elsewhere", "Use pg_dump, then copy the bucket: rows first, blobs second."),
+            Error::Missing(_) => ("backup.missing_blob", "The store is damaged: restore it from an earlier backup."),
+            Error::Disk { .. } => ("backup.disk", "Name another folder with --to, or see to its room and permissions."),
+            Error::Storage(_) => ("backup.stores", "See that --data names the service's data folder."),
+        };
+        Failure::failed(code, error.to_string(), remedy)
+    }
+}

@@ -1,0 +1,126 @@
+//! `keys`: who may use the service. Works next to a running one, on the same database.
+
+use super::Failure;
+use super::stores::Stores;
+use super::table::{Table, moment};
+use crate::service::access::keys::{self, Issued, Key, NewKey};
+use crate::service::access::{DEFAULT_TENANT, Scope, tenants};
+use clap::{Args, Subcommand};
+
+const DAY_MS: i64 = 24 * 3_600_000;
+const HOUR_MS: i64 = 3_600_000;
+
+/// Arguments of `keys`.
+#[derive(Args)]
+pub struct Arguments {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Subcommand)]
+enum What {
+    /// Make a key and print it, once.
+    Create {
+        /// Whose things it opens: a-z, 0-9 and -.
+        #[arg(long, value_name = "NAME", default_value = DEFAULT_TENANT, value_parser = tenant)]
+        tenant: String,
+        /// What it is for; may be given more than once [default: all that is the tenant's].
+        #[arg(long = "scope", value_name = "SCOPE", value_parser = scope)]
+        scopes: Vec<Scope>,
+        /// What to call it.
+        #[arg(long, default_value = "", value_name = "TEXT")]
+        name: String,
+        /// Days it lasts [default: until it is revoked].
+        #[arg(long, value_name = "DAYS", value_parser = clap::value_parser!(u32).range(1..))]
+        expires: Option<u32>,
+        #[command(flatten)]
+        stores: Stores,
+    },
+    /// List keys; their secrets are not kept.
+    List {
+        /// Only this tenant's.
+        #[arg(long, value_name = "NAME")]
+        tenant: Option<String>,
+        #[command(flatten)]
+        stores: Stores,
+    },
+    /// Make a key like another and let that one end.
+    Rotate {
+        /// The one to end.
+        id: String,
+        /// Hours for which both open.
+        #[arg(long, value_name = "HOURS", default_value_t = 24)]
+        overlap: u32,
+        #[command(flatten)]
+        stores: Stores,
+    },
+    /// End a key at once.
+    Revoke {
+        /// Which.
+        id: String,
+        #[command(flatten)]
+        stores: Stores,
+    },
+}
+
+fn tenant(text: &str) -> Result<String, String> {
+    let said = tenants::is_name(text).then(|| text.to_owned());
+    said.ok_or_else(|| "write 1 to 64 of a-z, 0-9 and -".to_owned())
+}
+
+fn scope(text: &str) -> Result<Scope, String> {
+    Scope::parse(text).ok_or_else(|| format!("write one of {}", Scope::ALL.map(Scope::name).join(", ")))
+}
+
+/// Makes, lists, rotates or revokes keys.
+///
+/// # Errors
+/// No such key; a database that cannot be had.
+pub fn run(arguments: Arguments) -> Result<(), Failure> {
+    match arguments.what {
+        What::Create { tenant, scopes, name, expires, stores } => {
+            let scopes = if scopes.is_empty() { Scope::OF_A_TENANT.to_vec() } else { scopes };
+            let new = NewKey { tenant, name, scopes, lifetime_ms: expires.map(|days| i64::from(days) * DAY_MS) };
+            tell(&stores.with_records(async |records| keys::create(records, &new).await)?);
+        }
+        What::List { tenant, stores } => {
+            print!("{}", table(&stores.with_records(async |records| keys::list(records, tenant.as_deref()).await)?));
+        }
+        What::Rotate { id, overlap, stores } => {
+            let overlap_ms = i64::from(overlap) * HOUR_MS;
+            let issued = stores.with_records(async |records| keys::rotate(records, &id, overlap_ms).await)?;
+            tell(&issued.ok_or_else(|| none(&id))?);
+        }
+        What::Revoke { id, stores } => {
+            let revoked = stores.with_records(async |records| keys::revoke(records, &id).await)?;
+            revoked.then_some(()).ok_or_else(|| none(&id))?;
+        }
+    }
+    Ok(())
+}
+
+/// The key alone on standard output, so that it can be piped into a secret store.
+fn tell(issued: &Issued) {
+    eprintln!("Key {} is told this once:", issued.id);
+    println!("{}", issued.token);
+}
+
+fn none(id: &str) -> Failure {
+    Failure::failed("keys.missing", "No key that opens anything has this id.", "lampwright keys list names them.")
+        .at(id)
+}
+
+fn table(keys: &[Key]) -> Table {
+    let mut table = Table::default();
+    for key in keys {
+        let state = match (key.revoked_ms, key.expires_ms) {
+            (Some(revoked_ms), _) => format!("revoked {}", moment(revoked_ms)),
+            (None, Some(expires_ms)) => format!("until {}", moment(expires_ms)),
+            (None, None) => "until revoked".to_owned(),
+        };
+        let scopes: Vec<&str> = key.scopes.iter().map(|scope| scope.name()).collect();
+        let cells = [key.id.clone(), scopes.join(" "), moment(key.created_ms), state, key.name.clone()];
+        table.row(&key.tenant, cells);
+    }
+    table
+}

@@ -1,0 +1,62 @@
+//! The stores of a service, opened next to it: by the verbs that look after keys, tenants and backups.
+
+use super::Failure;
+use crate::service::Config;
+use crate::service::storage;
+use crate::service::storage::records::Records;
+use clap::Args;
+use std::path::PathBuf;
+
+/// Which service's stores are meant: the same words as for `serve`.
+#[derive(Args)]
+pub struct Stores {
+    /// The service's data folder.
+    #[arg(long, env = "LAMPWRIGHT_DATA", default_value = "data", value_name = "DIR")]
+    pub data: PathBuf,
+    /// The service's database [default: sqlite:DIR/service.db].
+    #[arg(long, env = "DATABASE_URL", value_name = "URL", hide_env_values = true)]
+    database_url: Option<String>,
+    /// The service's object store [default: file:DIR/blobs].
+    #[arg(long, env = "STORAGE_URL", value_name = "URL")]
+    storage_url: Option<String>,
+}
+
+impl Stores {
+    /// What the service would be started with.
+    pub fn config(&self) -> Config {
+        let (database_url, storage_url) = (self.database_url.clone(), self.storage_url.clone());
+        Config { database_url, storage_url, ..Config::new(&self.data) }
+    }
+
+    /// Does `work` with the database; makes it if there is none yet, as the service would.
+    ///
+    /// # Errors
+    /// The database cannot be opened, and those of `work`.
+    pub fn with_records<T>(&self, work: impl AsyncFnOnce(&Records) -> Result<T, storage::Error>) -> Result<T, Failure> {
+        let config = self.config();
+        run(async move {
+            std::fs::create_dir_all(&config.data).map_err(|error| Failure::disk(&config.data, &error))?;
+            let records = Records::open(&config.database_url()).await?;
+            let done = work(&records).await;
+            records.close().await;
+            Ok(done?)
+        })
+    }
+}
+
+/// Waits for `work` on a runtime of its own.
+///
+/// # Errors
+/// Those of `work`; no runtime to be had.
+pub fn run<T>(work: impl Future<Output = Result<T, Failure>>) -> Result<T, Failure> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let failed = |error: std::io::Error| Failure::failed("stores.runtime", error.to_string(), "Allow more files.");
+    runtime.map_err(failed)?.block_on(work)
+}
+
+impl From<storage::Error> for Failure {
+    fn from(error: storage::Error) -> Failure {
+        let remedy = "See that it is the database of the service, that it can be reached, and that its disk has room.";
+        Failure::failed("stores.failed", error.to_string(), remedy)
+    }
+}

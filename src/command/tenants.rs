@@ -1,0 +1,106 @@
+//! `tenants`: who uses the service, how much, and how much they may.
+
+use super::Failure;
+use super::stores::Stores;
+use super::table::{Table, count};
+use crate::service::access::quota::{self, Usage};
+use crate::service::access::tenants::{self, Tenant};
+use crate::service::storage::Error;
+use crate::service::storage::records::Records;
+use clap::{Args, Subcommand};
+
+/// Arguments of `tenants`.
+#[derive(Args)]
+pub struct Arguments {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Subcommand)]
+enum What {
+    /// List tenants: what they use, and their own quotas where they have any.
+    List {
+        #[command(flatten)]
+        stores: Stores,
+    },
+    /// Say what a tenant may use. What is not said stays; `default` is the service's.
+    Set {
+        /// Which: a-z, 0-9 and -.
+        tenant: String,
+        /// Most bytes kept.
+        #[arg(long, value_name = "BYTES", value_parser = limit)]
+        stored_bytes: Option<Limit>,
+        /// Most jobs waiting.
+        #[arg(long, value_name = "N", value_parser = limit)]
+        queued_jobs: Option<Limit>,
+        /// Most jobs computed at once.
+        #[arg(long, value_name = "N", value_parser = limit)]
+        running_jobs: Option<Limit>,
+        #[command(flatten)]
+        stores: Stores,
+    },
+}
+
+/// A number, or whatever the service's default is.
+#[derive(Clone, Copy)]
+struct Limit(Option<u64>);
+
+fn limit(text: &str) -> Result<Limit, String> {
+    match text {
+        "default" => Ok(Limit(None)),
+        text => text.parse().map(|limit| Limit(Some(limit))).map_err(|_| "write a whole number, or default".to_owned()),
+    }
+}
+
+/// Lists tenants, or sets a quota.
+///
+/// # Errors
+/// A name that is none; a database that cannot be had.
+pub fn run(arguments: Arguments) -> Result<(), Failure> {
+    match arguments.what {
+        What::List { stores } => print!("{}", table(&stores.with_records(used)?)),
+        What::Set { tenant, stored_bytes, queued_jobs, running_jobs, stores } => {
+            if !tenants::is_name(&tenant) {
+                let found = "This is no name of a tenant.";
+                return Err(Failure::usage("tenants.name", found, "Write 1 to 64 of a-z, 0-9 and -.").at(tenant));
+            }
+            let said = |now: Option<u64>, said: Option<Limit>| said.map_or(now, |Limit(limit)| limit);
+            stores.with_records(async |records| {
+                let now = tenants::get(records, &tenant).await?;
+                let set = Tenant {
+                    stored_bytes: said(now.stored_bytes, stored_bytes),
+                    queued_jobs: said(now.queued_jobs, queued_jobs),
+                    running_jobs: said(now.running_jobs, running_jobs),
+                    id: now.id,
+                };
+                tenants::set(records, &set).await
+            })?;
+        }
+    }
+    Ok(())
+}
+
+async fn used(records: &Records) -> Result<Vec<(Tenant, Usage)>, Error> {
+    let mut used = Vec::new();
+    for tenant in tenants::list(records).await? {
+        let usage = quota::usage(records, &tenant.id).await?;
+        used.push((tenant, usage));
+    }
+    Ok(used)
+}
+
+fn table(tenants: &[(Tenant, Usage)]) -> Table {
+    let of = |limit: Option<u64>| limit.map_or("default".to_owned(), count);
+    let mut table = Table::default();
+    for (tenant, usage) in tenants {
+        table.row(
+            &tenant.id,
+            [
+                format!("{} of {} bytes", count(usage.stored_bytes), of(tenant.stored_bytes)),
+                format!("{} of {} jobs waiting", count(usage.queued_jobs), of(tenant.queued_jobs)),
+                format!("{} of {} running", count(usage.running_jobs), of(tenant.running_jobs)),
+            ],
+        );
+    }
+    table
+}

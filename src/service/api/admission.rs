@@ -1,0 +1,75 @@
+//! How many requests are let in at once, how long they may take, and whether there is room for what they bring.
+
+use super::Api;
+use super::problem::Problem;
+use axum::BoxError;
+use axum::body::Body;
+use axum::error_handling::HandleErrorLayer;
+use axum::extract::Request;
+use axum::http::header;
+use axum::middleware::{Next, from_fn};
+use axum::response::IntoResponse;
+use futures::StreamExt;
+use std::time::Duration;
+use tower::ServiceBuilder;
+use tower::limit::GlobalConcurrencyLimitLayer;
+use tower::load_shed::{LoadShedLayer, error::Overloaded};
+use tower::timeout::{TimeoutLayer, error::Elapsed};
+use utoipa_axum::router::OpenApiRouter;
+
+/// Longest time until a response begins; an upload's is bounded by its pace, not its length.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// At most `at_once` requests to these routes together; one more is told to come back.
+pub fn admit(routes: OpenApiRouter<Api>, at_once: usize) -> OpenApiRouter<Api> {
+    let layers = ServiceBuilder::new()
+        .layer(HandleErrorLayer::new(refused))
+        .layer(LoadShedLayer::new())
+        .layer(GlobalConcurrencyLimitLayer::new(at_once));
+    routes.layer(layers)
+}
+
+/// No request to these routes takes longer than [`PATIENCE`] to begin its response.
+pub fn patient(routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
+    routes.layer(ServiceBuilder::new().layer(HandleErrorLayer::new(refused)).layer(TimeoutLayer::new(PATIENCE)))
+}
+
+/// Bodies sent to these routes are kept: they need room, and are counted as they come.
+pub fn kept(routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
+    routes.layer(from_fn(|request: Request, next: Next| async move {
+        match room(request) {
+            Ok(request) => next.run(request).await,
+            Err(problem) => problem.into_response(),
+        }
+    }))
+}
+
+fn room(request: Request) -> Result<Request, Problem> {
+    let Some(Api { metrics, space, .. }) = request.extensions().get::<Api>().cloned() else {
+        return Err(Problem::internal());
+    };
+    let announced = request.headers().get(header::CONTENT_LENGTH).and_then(|bytes| bytes.to_str().ok()?.parse().ok());
+    if !space.has_room_for(announced.unwrap_or(0)) {
+        return Err(Problem::low_space());
+    }
+    let at_hand = metrics.upload();
+    Ok(request.map(|body| {
+        let counted = body.into_data_stream().inspect(move |piece| {
+            // The upload is at hand as long as its body is.
+            let _at_hand = &at_hand;
+            metrics.upload_bytes(piece.as_ref().map_or(0, |bytes| bytes.len() as u64));
+        });
+        Body::from_stream(counted)
+    }))
+}
+
+async fn refused(error: BoxError) -> Problem {
+    if error.is::<Overloaded>() {
+        Problem::busy()
+    } else if error.is::<Elapsed>() {
+        Problem::timeout()
+    } else {
+        tracing::error!(%error, "a layer failed");
+        Problem::internal()
+    }
+}

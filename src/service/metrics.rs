@@ -1,0 +1,238 @@
+//! Numbers that answer "is it stuck?", in Prometheus' words: the only file that names its client. What this process did is
+//! counted as it happens; what all processes share (the queue) is asked of the database when somebody looks.
+
+use super::jobs::State;
+use super::jobs::query::Backlog;
+use crate::pipeline::Stage;
+use prometheus_client::encoding::{EncodeLabelSet, text};
+use prometheus_client::metrics::counter::Counter;
+use prometheus_client::metrics::family::Family;
+use prometheus_client::metrics::gauge::Gauge;
+use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
+use prometheus_client::registry::Registry;
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
+use std::time::Duration;
+
+/// The media type of [`Metrics::text`].
+pub const MEDIA_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+
+/// A route, not an address: as many as there are in the contract.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct Route {
+    method: String,
+    route: String,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct Answer {
+    method: String,
+    route: String,
+    status: u16,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct InState {
+    state: &'static str,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct InStage {
+    stage: &'static str,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct Ended {
+    ending: &'static str,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct Build {
+    version: &'static str,
+}
+
+type Seconds = Gauge<f64, AtomicU64>;
+
+/// All numbers of one process. Cheap to clone.
+#[derive(Clone)]
+pub struct Metrics(Arc<Numbers>);
+
+struct Numbers {
+    registry: Registry,
+    requests: Family<Answer, Counter>,
+    request_seconds: Family<Route, Histogram, fn() -> Histogram>,
+    connections: Gauge,
+    uploads: Gauge,
+    upload_bytes: Counter,
+    attempts: Family<Ended, Counter>,
+    attempt_seconds: Family<Ended, Histogram, fn() -> Histogram>,
+    leases_lost: Counter,
+    jobs: Family<InState, Gauge>,
+    running: Family<InStage, Gauge>,
+    oldest_queued: Seconds,
+    oldest_running: Seconds,
+    overdue: Gauge,
+    tenants_waiting: Gauge,
+    longest_tenant_queue: Gauge,
+    free_bytes: Gauge,
+}
+
+/// From 1 ms to half a minute.
+fn request_times() -> Histogram {
+    Histogram::new(exponential_buckets(0.001, 2.0, 16))
+}
+
+/// From 0.1 s to two hours.
+fn attempt_times() -> Histogram {
+    Histogram::new(exponential_buckets(0.1, 2.0, 17))
+}
+
+impl Default for Metrics {
+    fn default() -> Metrics {
+        Metrics::new()
+    }
+}
+
+impl Metrics {
+    /// Numbers that begin at zero.
+    pub fn new() -> Metrics {
+        let mut numbers = Numbers {
+            registry: Registry::with_prefix("lampwright"),
+            requests: Family::default(),
+            request_seconds: Family::new_with_constructor(request_times),
+            connections: Gauge::default(),
+            uploads: Gauge::default(),
+            upload_bytes: Counter::default(),
+            attempts: Family::default(),
+            attempt_seconds: Family::new_with_constructor(attempt_times),
+            leases_lost: Counter::default(),
+            jobs: Family::default(),
+            running: Family::default(),
+            oldest_queued: Seconds::default(),
+            oldest_running: Seconds::default(),
+            overdue: Gauge::default(),
+            tenants_waiting: Gauge::default(),
+            longest_tenant_queue: Gauge::default(),
+            free_bytes: Gauge::default(),
+        };
+        numbers.register_own();
+        numbers.register_shared();
+        Metrics(Arc::new(numbers))
+    }
+
+    /// A connection was taken; dropped, it is gone.
+    pub fn connection(&self) -> AtHand {
+        AtHand::of(&self.0.connections)
+    }
+
+    /// An upload has begun; dropped, it has ended.
+    pub fn upload(&self) -> AtHand {
+        AtHand::of(&self.0.uploads)
+    }
+
+    /// Bytes of an upload came.
+    pub fn upload_bytes(&self, bytes: u64) {
+        self.0.upload_bytes.inc_by(bytes);
+    }
+
+    /// A request was answered: its body may still be on its way.
+    pub fn answered(&self, method: &str, route: &str, status: u16, took: Duration) {
+        let (method, route) = (method.to_owned(), route.to_owned());
+        let seconds =
+            self.0.request_seconds.get_or_create_owned(&Route { method: method.clone(), route: route.clone() });
+        seconds.observe(took.as_secs_f64());
+        self.0.requests.get_or_create(&Answer { method, route, status }).inc();
+    }
+
+    /// An attempt at a job ended so.
+    pub fn attempted(&self, ending: &'static str, took: Duration) {
+        self.0.attempts.get_or_create(&Ended { ending }).inc();
+        self.0.attempt_seconds.get_or_create(&Ended { ending }).observe(took.as_secs_f64());
+    }
+
+    /// Jobs were taken back from workers that fell silent.
+    pub fn leases_lost(&self, jobs: u64) {
+        self.0.leases_lost.inc_by(jobs);
+    }
+
+    /// All numbers, as Prometheus reads them.
+    pub fn text(&self, backlog: &Backlog, free_bytes: Option<u64>) -> String {
+        self.0.look(backlog, free_bytes);
+        let mut text = String::new();
+        // Writing to a string does not fail.
+        let _ = text::encode(&mut text, &self.0.registry);
+        text
+    }
+}
+
+impl Numbers {
+    /// What this process did.
+    fn register_own(&mut self) {
+        let build = Family::<Build, Gauge>::default();
+        build.get_or_create(&Build { version: env!("CARGO_PKG_VERSION") }).set(1);
+        let registry = &mut self.registry;
+        registry.register("build", "1, with the version as a label", build);
+        registry.register("requests", "Requests answered, by route and status", self.requests.clone());
+        let help = "Seconds until an answer began, by route";
+        registry.register("request_seconds", help, self.request_seconds.clone());
+        registry.register("connections", "Open connections", self.connections.clone());
+        registry.register("uploads", "Uploads being taken in", self.uploads.clone());
+        registry.register("upload_bytes", "Bytes of uploads that came", self.upload_bytes.clone());
+        let help = "Attempts at jobs by this process that ended, by how; put back and lost ones are tried again";
+        registry.register("job_attempts", help, self.attempts.clone());
+        let help = "Seconds that attempts at jobs took, by how they ended";
+        registry.register("job_attempt_seconds", help, self.attempt_seconds.clone());
+        let help = "Jobs this process took back from workers that fell silent";
+        registry.register("leases_lost", help, self.leases_lost.clone());
+    }
+
+    /// What all processes share.
+    fn register_shared(&mut self) {
+        let registry = &mut self.registry;
+        registry.register("jobs", "Unfinished jobs, by state", self.jobs.clone());
+        registry.register("running_jobs", "Running jobs, by stage", self.running.clone());
+        let help = "Age of the oldest waiting job: grows when nothing moves";
+        registry.register("oldest_queued_seconds", help, self.oldest_queued.clone());
+        let help = "Time since the running job that was begun first was begun";
+        registry.register("oldest_running_seconds", help, self.oldest_running.clone());
+        let help = "Running jobs whose worker has been silent for longer than its lease";
+        registry.register("overdue_jobs", help, self.overdue.clone());
+        registry.register("waiting_tenants", "Tenants with waiting jobs", self.tenants_waiting.clone());
+        let help = "Waiting jobs of the tenant that has most of them";
+        registry.register("longest_tenant_queue", help, self.longest_tenant_queue.clone());
+        registry.register("free_bytes", "Room on the fullest local disk; -1 when unknown", self.free_bytes.clone());
+    }
+
+    fn look(&self, backlog: &Backlog, free_bytes: Option<u64>) {
+        let running = backlog.running.values().sum::<u64>();
+        for (state, count) in [(State::Queued, backlog.queued), (State::Running, running)] {
+            self.jobs.get_or_create(&InState { state: state.name() }).set(count.cast_signed());
+        }
+        for stage in std::iter::once("none").chain(Stage::ALL.map(Stage::name)) {
+            let count = backlog.running.get(stage).copied().unwrap_or(0);
+            self.running.get_or_create(&InStage { stage }).set(count.cast_signed());
+        }
+        self.oldest_queued.set(backlog.oldest_queued.as_secs_f64());
+        self.oldest_running.set(backlog.oldest_running.as_secs_f64());
+        self.overdue.set(backlog.overdue.cast_signed());
+        self.tenants_waiting.set(backlog.tenants_waiting.cast_signed());
+        self.longest_tenant_queue.set(backlog.longest_tenant_queue.cast_signed());
+        self.free_bytes.set(free_bytes.map_or(-1, |bytes| i64::try_from(bytes).unwrap_or(i64::MAX)));
+    }
+}
+
+/// Something that is there until this is dropped.
+pub struct AtHand(Gauge);
+
+impl AtHand {
+    fn of(gauge: &Gauge) -> AtHand {
+        gauge.inc();
+        AtHand(gauge.clone())
+    }
+}
+
+impl Drop for AtHand {
+    fn drop(&mut self) {
+        self.0.dec();
+    }
+}
