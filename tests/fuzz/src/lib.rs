@@ -171,10 +171,10 @@ fn bits(ray: &RawRay) -> [u64; 12] {
     [x, y, z, l, m, n, radiant, luminous, wavelength_nm, f64::from(table), xz[0], xz[1]].map(f64::to_bits)
 }
 
-/// Coarse results, which are quick, but for one length in four: there everything is chosen from the rays.
+/// Coarse results, which are quick, but for one file length in four (counted in words): there everything is chosen from the rays.
 fn options(length: usize) -> Options {
     let mut options = Options::default();
-    if !length.is_multiple_of(4) {
+    if !(length / 4).is_multiple_of(4) {
         options.hull.resolution = Some(12);
         options.goniogram.zones = Some((2, 1));
         options.goniogram.gamma_step_deg = Some(15.0);
