@@ -10,7 +10,7 @@ use serde_json::json;
 async fn an_upload_answers_with_its_inspection_and_keeps_it() {
     let site = Site::start(prompt()).await;
     let uploaded = site.upload(rays::zemax(1000)).await;
-    let ray_set = uploaded.json();
+    let ray_set = &uploaded.json()["ray_sets"][0];
     let found = &ray_set["inspection"];
     // A square of 1 mm that shines along +Z, 1 W each: collimated, so no focus; few, so noisy.
     assert_eq!((&found["rays_used"], &found["flux"]["radiant_w"]), (&json!(1000), &json!(1000.0)));
@@ -18,7 +18,7 @@ async fn an_upload_answers_with_its_inspection_and_keeps_it() {
     assert_eq!(found["main_direction"]["axis"], "+Z");
     assert_eq!(found["header"], json!(null), "the header is said once");
     assert!(found["checks"].as_array().unwrap().iter().all(|check| check["check"].as_str().is_some()));
-    assert_eq!(site.get(uploaded.header("location")).await.json(), ray_set);
+    assert_eq!(site.get(uploaded.header("location")).await.json(), *ray_set);
     let listed = site.get("/v1/ray-sets").await.json();
     assert_eq!(listed["ray_sets"][0]["inspection"], json!(null));
     assert_eq!(listed["ray_sets"][0]["header"]["ray_count"], 1000);
@@ -34,7 +34,7 @@ async fn drawings_are_served_with_their_digest_and_go_with_the_ray_set() {
     let uploaded = site.ask(Method::POST, path, &[], rays::zemax(1000)).await;
     let id = uploaded.id();
     for link in ["origins", "far_field"] {
-        let path = uploaded.json()["links"][link].as_str().unwrap().to_owned();
+        let path = uploaded.json()["ray_sets"][0]["links"][link].as_str().unwrap().to_owned();
         let drawing = site.get(&path).await;
         assert_eq!((drawing.status, drawing.header("content-type")), (StatusCode::OK, "image/svg+xml"));
         assert_eq!(drawing.header("etag"), format!("\"{}\"", sha256(&drawing.body)));
@@ -61,7 +61,7 @@ async fn a_readable_file_that_no_job_would_take_is_kept_and_told_of() {
     (0..100).for_each(|ray| file[208 + 28 * ray + 20..][..4].copy_from_slice(&2.0_f32.to_le_bytes()));
     let uploaded = site.upload(file).await;
     assert_eq!(uploaded.status, StatusCode::CREATED, "{uploaded:?}");
-    let ray_set = uploaded.json();
+    let ray_set = &uploaded.json()["ray_sets"][0];
     assert_eq!((&ray_set["inspection"]["verdict"], &ray_set["links"]["origins"]), (&json!("wrong"), &json!(null)));
     assert_eq!(ray_set["inspection"]["checks"][0]["check"], "rays.usable");
     let path = format!("/v1/ray-sets/{}/far-field.svg", uploaded.id());

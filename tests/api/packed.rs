@@ -186,6 +186,6 @@ async fn what_is_submitted_packed_is_a_job_for_each_ray_file() {
     let submitted = site.service.as_ref().unwrap().submit("lamp.zip", lamp.as_slice()).await.unwrap();
     assert_eq!(submitted.len(), 2);
     for one in submitted {
-        assert_eq!(site.until_state(&one.job, "succeeded").await["ray_sets"], json!([one.ray_set]));
+        assert_eq!(site.until_state(&one.job, "succeeded").await["channels"][0]["ray_set"], one.ray_set);
     }
 }

@@ -163,7 +163,7 @@ async fn what_is_kept_no_longer_goes_with_its_blobs_and_what_is_used_stays() {
 async fn without_a_word_of_the_operator_everything_is_kept() {
     let every = Duration::from_millis(20);
     let silent = |config: Config| Config { retention: Retention { every, ..config.retention }, ..config };
-    let site = Site::start_as(silent, failing(|| pipeline::Error::malformed("x.y", "found", "do").into())).await;
+    let site = Site::start_as(silent, failing(|| pipeline::Error::malformed("x.y", "found", "do"))).await;
     let ray_set = site.ray_set().await;
     let job = site.job(&ray_set).await;
     site.until_state(&job, "failed").await;

@@ -61,7 +61,6 @@ const HOMES: [(&str, &str); 19] = [
     ("zip", "pipeline/artifacts"),
     ("sqlx", "service/storage/records"),
     ("object_store", "service/storage/blobs"),
-    ("rustls", "service/tls"),
     ("getrandom", "service/access/keys"),
     ("subtle", "service/access/keys"),
     ("governor", "service/access/rate"),
@@ -73,6 +72,7 @@ const HOMES: [(&str, &str); 19] = [
     ("opentelemetry_otlp", "service/telemetry/traces"),
     ("opentelemetry_sdk", "service/telemetry/traces"),
     ("tracing_opentelemetry", "service/telemetry/traces"),
+    ("rustls", "service/tls"),
     ("indicatif", "command/progress"),
 ];
 

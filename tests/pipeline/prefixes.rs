@@ -7,7 +7,7 @@ use lampwright::pipeline::rays::tm25::header::{Flags, Header, SpectralId};
 use lampwright::pipeline::rays::tm25::{self, Preamble, spectra::Spectra};
 use lampwright::pipeline::rays::zemax_writer::{self, Rows};
 use lampwright::pipeline::rays::{Bytes, RawRay};
-use lampwright::pipeline::{Declared, Error, Input, LengthUnit, Limits, Quantity, Unwatched, inspect, peek};
+use lampwright::pipeline::{Declared, Error, Input, LengthUnit, Limits, Quantity, Unwatched, Verdict, inspect, peek};
 use std::io;
 use std::sync::Arc;
 
@@ -161,7 +161,7 @@ fn rows_without_count_or_end() -> Vec<(&'static str, Vec<u8>, Vec<usize>)> {
     vec![("Speos", speos.clone(), (0..=5).map(|k| 28 + 32 * k).collect()), ("columns", text.into_bytes(), ends)]
 }
 
-/// Codes of the notices of a file that was read.
+/// Codes of the notices of a file that was read, and what is wrong with it.
 fn inspected(whole: &Arc<Vec<u8>>, length: usize) -> Result<Vec<&'static str>, Error> {
     let bytes = Arc::new(Cut { whole: Arc::clone(whole), length });
     let declared = Declared {
@@ -171,7 +171,8 @@ fn inspected(whole: &Arc<Vec<u8>>, length: usize) -> Result<Vec<&'static str>, E
     };
     let input = Input { name: "cut".into(), sha256: String::new(), bytes, declared };
     let inspection = inspect(&input, &Limits::default(), &Unwatched)?;
-    Ok(inspection.notices.iter().map(|notice| notice.code).collect())
+    let wrong = inspection.checks.iter().filter(|check| check.verdict == Verdict::Wrong).map(|check| check.check);
+    Ok(inspection.notices.iter().map(|notice| notice.code).chain(wrong).collect())
 }
 
 /// What a cut file is told; `None` where it is read as if nothing were missing.
@@ -179,7 +180,7 @@ fn told(name: &str, whole: &Arc<Vec<u8>>, of_whole: &[&str], length: usize) -> O
     match inspected(whole, length) {
         // Cut off is a finding of its own: what the whole file is told anyway does not count.
         Ok(codes) => codes.iter().any(|code| !of_whole.contains(code)).then_some(()),
-        Err(Error::Malformed(fault) | Error::Refused(fault)) => {
+        Err(Error::Malformed(fault) | Error::Refused(fault) | Error::Unusable(fault)) => {
             assert!(fault.at.is_some(), "{name}, {length} bytes: {fault:?} has no place");
             Some(())
         }
@@ -205,7 +206,6 @@ fn rows_without_a_count_are_read_in_silence_up_to_whole_rows_only() {
         let of_whole = inspected(&whole, whole.len()).unwrap_or_else(|error| panic!("{name} itself: {error}"));
         let silent: Vec<usize> =
             (0..whole.len()).filter(|length| told(name, &whole, &of_whole, *length).is_none()).collect();
-        eprintln!("{name}: {silent:?}, rows end at {ends:?}");
         assert!(silent.iter().all(|length| ends.contains(length)), "{name}: read in silence up to {silent:?}");
     }
 }

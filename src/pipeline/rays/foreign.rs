@@ -295,7 +295,7 @@ mod tests {
             ("0\nSECTION\n2\nHEADER\n", "detect.cad"),
             (&iges, "detect.cad"),
             // These are rays, or may be.
-            ("9 4\n0 0 0 0 0 1 1\n0 0 0 0 0 1 1\n", "text columns"),
+            ("9 4\n0 0 0 0 0 1 1\n0 0 0 0 0 1 1\n", "Zemax text"),
             ("# made\nlt_rdf_version: 2.0\n", "LightTools text"),
             ("Some words.\n", "detect.not_rays"),
         ];

@@ -10,13 +10,14 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
+use std::num::NonZeroU32;
 use std::time::Duration;
 use utoipa::ToSchema;
 
 /// The media type of every error.
 pub const MEDIA_TYPE: &str = "application/problem+json";
 /// When to ask again for a place in a full queue, s: jobs take about that long.
-const QUEUE_WAIT_S: u64 = 10;
+const QUEUE_WAIT_S: u32 = 10;
 /// Files of a packed file that a problem names.
 const NAMED: usize = 20;
 
@@ -46,7 +47,7 @@ pub struct Problem {
     pub remedy: Option<Box<str>>,
     /// When to ask again, s: the header `Retry-After`.
     #[serde(skip)]
-    pub retry_after_s: Option<u64>,
+    pub retry_after_s: Option<NonZeroU32>,
 }
 
 impl Problem {
@@ -58,7 +59,7 @@ impl Problem {
     ) -> Problem {
         let (code, title) = (code.into(), title.into());
         let kind = format!("urn:lampwright:problem:{code}").into();
-        let retry_after_s = (status == StatusCode::SERVICE_UNAVAILABLE).then_some(1);
+        let retry_after_s = (status == StatusCode::SERVICE_UNAVAILABLE).then_some(NonZeroU32::MIN);
         let (status, detail) = (status.as_u16(), detail.into().into());
         Problem { kind, title, status, detail, code, at: None, remedy: None, retry_after_s }
     }
@@ -264,7 +265,8 @@ impl Problem {
         let detail = "This key asks more often than it may.";
         let problem = Problem::new(StatusCode::TOO_MANY_REQUESTS, "access.rate", "Too many requests", detail)
             .remedy("Ask again after the time in Retry-After, and less often.");
-        Problem { retry_after_s: Some(wait.as_secs() + 1), ..problem }
+        let wait_s = u32::try_from(wait.as_secs()).unwrap_or(u32::MAX).saturating_add(1);
+        Problem { retry_after_s: NonZeroU32::new(wait_s), ..problem }
     }
 
     /// Less room than is kept free.
@@ -296,7 +298,7 @@ impl IntoResponse for Problem {
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(MEDIA_TYPE));
         if let Some(wait_s) = retry_after_s {
-            headers.insert(header::RETRY_AFTER, HeaderValue::from(wait_s));
+            headers.insert(header::RETRY_AFTER, HeaderValue::from(wait_s.get()));
         }
         if status == StatusCode::UNAUTHORIZED {
             headers.insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer realm=\"lampwright\""));
@@ -348,7 +350,7 @@ impl From<Exceeded> for Problem {
                 let detail = format!("{limit} jobs are waiting, which is as many as may.");
                 let problem = Problem::new(status, "quota.queued_jobs", "Too many jobs are waiting", detail)
                     .remedy("Queue it after the time in Retry-After, or cancel one that waits.");
-                Problem { retry_after_s: Some(QUEUE_WAIT_S), ..problem }
+                Problem { retry_after_s: NonZeroU32::new(QUEUE_WAIT_S), ..problem }
             }
         }
     }

@@ -40,10 +40,9 @@ fn origins(inspection: &Inspection, name: &str) -> Artifact {
     let sample = &inspection.evidence.sample;
     let outside = sample.iter().filter(|ray| !window.holds(ray.origin_mm)).count();
     let all = sample.len() as u64 == inspection.rays_used;
+    let rays = if all { format!("all {} rays", sample.len()) } else { format!("{} sampled rays", sample.len()) };
     let subtitle = format!(
-        "origins of {} {} rays, brighter where more flux starts   ·   {outside} outside the drawing{}",
-        sample.len(),
-        if all { "all" } else { "sampled" },
+        "origins of {rays}, brighter where more flux starts   ·   {outside} outside the drawing{}",
         if inspection.focus.is_some() { "   ·   cross: virtual focus" } else { "" }
     );
     let mut svg = Svg::sheet(980.0, 420.0, &one_line(name, 84), &subtitle);
