@@ -6,8 +6,7 @@ use super::super::vocabulary::units::Flux;
 use super::declared::Total;
 use super::{Facts, RawRay, SpectralData, TotalRule};
 
-/// Rays and header agree to the rounding of their 32-bit numbers: the rays are in W or lm as they stand, and stay so to the
-/// last digit.
+/// Rays and header agree to the rounding of their 32-bit numbers.
 const SAME_TOTAL: f64 = 2.5e-7;
 
 /// Luminous efficacy of radiation, as far as a file tells.
@@ -82,10 +81,7 @@ impl Conversion {
         if facts.total_rule == TotalRule::RaySum {
             return self;
         }
-        let of = |header: Option<f64>, sum: f64| {
-            let scale = header.filter(|_| sum > 0.0).map(|total| total / sum)?;
-            Some(if (scale - 1.0).abs() <= SAME_TOTAL { 1.0 } else { scale })
-        };
+        let of = |header: Option<f64>, sum: f64| header.filter(|_| sum > 0.0).map(|total| total / sum);
         let header = facts.header_flux;
         let radiant = of(header.radiant_w, sums.radiant).filter(|_| self.has_radiant);
         let luminous = of(header.luminous_lm, sums.luminous).filter(|_| self.has_luminous);
@@ -94,6 +90,17 @@ impl Conversion {
         self.radiant_scale = radiant.or(luminous).or(derived).unwrap_or(1.0);
         self.luminous_scale = luminous.or(radiant).or(derived).unwrap_or(1.0);
         self
+    }
+
+    /// The same for who writes the rays again: rays that agree with the total but for rounding are in W or lm as they stand, and
+    /// stay so to the last digit.
+    pub fn unless_rounding(&self) -> Conversion {
+        let kept = |scale: f64| if (scale - 1.0).abs() <= SAME_TOTAL { 1.0 } else { scale };
+        Conversion {
+            radiant_scale: kept(self.radiant_scale),
+            luminous_scale: kept(self.luminous_scale),
+            ..self.clone()
+        }
     }
 
     /// Scaled once more, so that the total of these sums is `flux`; lm/W stays.

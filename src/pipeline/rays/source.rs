@@ -155,7 +155,8 @@ impl Channel {
         &self.set.facts
     }
 
-    /// `each(index, stored, checked)` for the usable rays among the `count` records from `first`, in order; `raws` is a buffer.
+    /// `each(index, stored, checked)` for the usable rays among the `count` records from `first`, in order, to be written again;
+    /// `raws` is a buffer.
     ///
     /// # Errors
     /// [`Error::Unreadable`]; the first of `each`.
@@ -168,8 +169,9 @@ impl Channel {
     ) -> Result<(), Error> {
         raws.clear();
         self.set.records.read(first, count, raws)?;
+        let conversion = self.conversion.unless_rounding();
         for (index, raw) in (first..).zip(raws.iter()) {
-            if let Ok(checked) = check::check(&self.set.facts, &self.conversion, raw) {
+            if let Ok(checked) = check::check(&self.set.facts, &conversion, raw) {
                 each(index, raw, &checked)?;
             }
         }
