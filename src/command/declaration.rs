@@ -1,4 +1,4 @@
-//! A ray file and what its user says of it, as one argument: `blue.ray,unit=in,spectrum=blue.txt,flux=1.2W`.
+//! A ray file and what its user says of it, as one argument: `blue.ray,length_unit=in,spectrum=blue.txt,flux=1.2W`.
 
 use super::Failure;
 use super::file::{self, RayFiles};
@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 pub const HELP: &str = "\
 Ray files of one source, in one frame. What the file does not say, or says wrongly, follows it after commas:
   name=NAME        what the channel is called in the report
-  unit=UNIT        length unit: mm um nm cm m in ft
-  quantity=Q       what the flux values are: W or lm
+  length_unit=UNIT of its positions: mm um nm cm m in ft
+  quantity=Q       what the flux values are: radiant (W) or luminous (lm)
   columns=A:B:..   what stands in each column of a text: x y z l m n flux radiant_flux luminous_flux
                    wavelength_nm wavelength_um tristimulus_x tristimulus_z ignored
   spectrum=FILE    spectrum of its light: two columns (nm or um, value), LightTools .sre, Zemax .spcd, Speos .spectrum
@@ -25,7 +25,7 @@ A white LED in two files, split as its data sheet says:
   lampwright build yellow.ray,spectrum=yellow.txt,share=0.931lm blue.ray,spectrum=blue.txt,share=0.069lm --total 98lm -o out";
 
 /// The keys, in the order of [`HELP`].
-const KEYS: [&str; 7] = ["name", "unit", "quantity", "columns", "spectrum", "flux", "share"];
+const KEYS: [&str; 7] = ["name", "length_unit", "quantity", "columns", "spectrum", "flux", "share"];
 
 /// A ray file and what is said of it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -65,7 +65,7 @@ impl ChannelFile {
         let declared = &mut self.declared;
         let flux = match key {
             "name" => return put(&mut declared.name, key, value.to_owned()),
-            "unit" => return put(&mut declared.length_unit, key, unit(value)?),
+            "length_unit" => return put(&mut declared.length_unit, key, unit(value)?),
             "quantity" => return put(&mut declared.quantity, key, quantity(value)?),
             "columns" => return put(&mut declared.columns, key, columns(value)?),
             "spectrum" => return put(&mut self.spectrum, key, PathBuf::from(value)),
@@ -90,11 +90,11 @@ fn start(path: &Path) -> Result<Vec<u8>, Failure> {
     Ok(bytes)
 }
 
-/// `blue.ray,unit=in,flux=1.2W`. A comma that no key follows belongs to what stands before it.
+/// `blue.ray,length_unit=in,flux=1.2W`. A comma that no key follows belongs to what stands before it.
 pub fn channel(text: &str) -> Result<ChannelFile, String> {
     let mut pieces: Vec<(Option<&str>, String)> = Vec::new();
     for piece in text.split(',') {
-        let key = piece.split_once('=').filter(|(key, _)| key.chars().all(|c| c.is_ascii_lowercase()));
+        let key = piece.split_once('=').filter(|(key, _)| key.chars().all(|c| c.is_ascii_lowercase() || c == '_'));
         match (key, pieces.last_mut()) {
             (_, None) => pieces.push((None, piece.to_owned())),
             (Some((key, value)), Some(_)) => pieces.push((Some(key), value.to_owned())),
@@ -155,7 +155,7 @@ mod tests {
 
     #[test]
     fn everything_that_can_be_said_arrives() {
-        let said = "a,b.ray,name=blue, cold,unit=in,quantity=lm,columns=x:y:flux,spectrum=s,1.txt,share=0.25W";
+        let said = "a,b.ray,name=blue, cold,length_unit=in,quantity=lm,columns=x:y:flux,spectrum=s,1.txt,share=0.25W";
         let expected = ChannelFile {
             path: "a,b.ray".into(),
             spectrum: Some("s,1.txt".into()),
@@ -183,7 +183,7 @@ mod tests {
     fn nonsense_says_what_to_write() {
         for (said, complaint) in [
             ("a,units=mm", "there is no key \"units\""),
-            ("a,unit=yd", "mm um nm cm m in ft"),
+            ("a,length_unit=yd", "mm um nm cm m in ft"),
             ("a,quantity=cd", "W or lm"),
             ("a,flux=5", "1.2W or 337lm"),
             ("a,share=5%", "0.636W"),

@@ -70,7 +70,8 @@ fn one(arguments: &Arguments, input: &Input, notices: &[Notice]) -> Result<(), F
 fn draw(inspection: &Inspection, name: &str, folder: &Path) -> Result<(), Failure> {
     std::fs::create_dir_all(folder).map_err(|error| Failure::disk(folder, &error))?;
     for drawing in pipeline::drawings(inspection, name) {
-        let path = folder.join(&drawing.name);
+        // Several files of a packed one are drawn into one folder.
+        let path = folder.join(format!("{}.{}", name.replace(['/', '\\'], "_"), drawing.name));
         std::fs::write(&path, &drawing.bytes).map_err(|error| Failure::disk(&path, &error))?;
     }
     Ok(())

@@ -115,7 +115,7 @@ impl Spectral {
         match self.columns {
             Columns::None => "none",
             Columns::Bands => "per-ray wavelength",
-            Columns::Tables { .. } => "spectral table of the file",
+            Columns::Tables { .. } => "spectral tables",
             Columns::Tristimulus => "tristimulus of the rays",
         }
     }
