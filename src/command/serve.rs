@@ -67,7 +67,8 @@ pub struct Arguments {
     /// Seconds that a worker may be silent before its job is given to another [default: 30].
     #[arg(long, env = "LAMPWRIGHT_LEASE", value_name = "SECONDS", value_parser = at_least_one)]
     lease: Option<usize>,
-    /// Seconds for which nothing was written where a blob is that no row names, before it is deleted [default: 86400].
+    /// Seconds for which nothing was written where a blob is that no row names, before it is deleted [default: 86400]. Far
+    /// above the longest upload, inspection and unpacking: to this clock they are silent.
     #[arg(long, env = "LAMPWRIGHT_GARBAGE_AGE", value_name = "SECONDS", value_parser = at_least_one)]
     garbage_age: Option<usize>,
     /// Do not begin an empty data folder with a known source.

@@ -92,6 +92,9 @@ impl Unpacking {
         let mut spool = Spool::new(&self.intake, id, None);
         let mut block = vec![0; BLOCK_BYTES];
         loop {
+            if self.gone.is_cancelled() {
+                return Err(Error::Unfit(pipeline::Error::Cancelled));
+            }
             let count = member.read(&mut block).map_err(Error::Packed)?;
             if count == 0 {
                 return self.runtime.block_on(spool.end(name.to_owned()));

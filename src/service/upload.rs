@@ -201,7 +201,7 @@ impl Intake {
     /// Deletes the blobs of a ray set that no row names. Should this fail too, the next start sweeps them.
     pub(super) async fn forget(&self, id: &str) {
         if let Err(error) = self.storage.blobs.delete_all(&ray_set_folder(id)).await {
-            tracing::warn!(ray_set = id, %error, "blobs of an unfinished upload stay until the next start");
+            tracing::warn!(ray_set = id, %error, "blobs of an unfinished upload stay until they are swept");
         }
     }
 

@@ -116,6 +116,9 @@ async fn columns_that_cannot_be_told_are_asked_for() {
     let columns = json!(["x", "y", "z", "l", "m", "n", "luminous_flux"]);
     let refused = site.post("/v1/jobs", &json!({"channels": [{"ray_set": sent, "columns": columns}]})).await;
     refused.is_problem(422, "rays.unit_unknown");
+    // What is no line of light is none in a job either, before anything is queued.
+    let refused = site.post("/v1/jobs", &json!({"channels": [{"ray_set": sent, "columns": ["x", "y"]}]})).await;
+    refused.is_problem(422, "columns.missing");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -5,6 +5,7 @@ use super::super::vocabulary::notice::Notices;
 use super::super::vocabulary::spectrum::Table;
 use super::super::vocabulary::units::{Flux, LengthUnit};
 use super::super::{Error, error::Place};
+use super::columns;
 use super::conversion::Conversion;
 use super::declared::{Column, Declared, Total, amend};
 use super::{Facts, Format, SpectralData, TotalRule};
@@ -202,7 +203,7 @@ impl Claims {
             notices: Notices::default(),
         };
         if let Some(columns) = declared.columns.as_ref().filter(|_| self.format == Format::Columns) {
-            in_columns(&mut facts, columns);
+            in_columns(&mut facts, columns)?;
         }
         amend(&mut facts, declared)?;
         Ok(facts)
@@ -210,7 +211,8 @@ impl Claims {
 }
 
 /// What declared columns say of the flux and the spectrum; names in the file, and the unit in them, hold no more.
-fn in_columns(facts: &mut Facts, columns: &[Column]) {
+fn in_columns(facts: &mut Facts, columns: &[Column]) -> Result<(), Error> {
+    columns::judge(columns)?;
     facts.length_unit = None;
     let has = |column: Column| columns.contains(&column);
     facts.has_luminous = has(Column::LuminousFlux);
@@ -220,6 +222,7 @@ fn in_columns(facts: &mut Facts, columns: &[Column]) {
         true => SpectralData::Wavelength,
         false => SpectralData::None,
     };
+    Ok(())
 }
 
 /// Whether these files, as stored headers tell of them, can be one source: everything that [`super::read`] would refuse before

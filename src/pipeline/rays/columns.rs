@@ -186,7 +186,10 @@ fn wavelength_unit(proof: &[Vec<f64>], k: usize, notices: &mut Notices) -> Resul
 }
 
 /// All that a ray needs is there, and nothing twice.
-fn judge(columns: &[Column]) -> Result<(), Error> {
+///
+/// # Errors
+/// `columns.missing`, `columns.twice`.
+pub fn judge(columns: &[Column]) -> Result<(), Error> {
     let count = |column: Column| columns.iter().filter(|other| **other == column).count();
     let fluxes = [Column::Flux, Column::RadiantFlux, Column::LuminousFlux].map(count);
     let missing: Vec<&str> = LINE_OF_LIGHT

@@ -297,13 +297,18 @@ fn amend_quantity(facts: &mut Facts, declared: Option<Quantity>) -> Result<bool,
     }
 }
 
-/// The declared table holds, and its lm/W: the header's came from a spectrum that no longer does.
+/// The declared table holds, and its lm/W: the header's, and the lm of rays that have W too, came from a spectrum that no longer
+/// does.
 fn amend_spectrum(facts: &mut Facts, table: &Table) {
     if facts.spectral != SpectralData::None {
         let told = "The file has a spectrum of its own; as declared, another was used in its place.";
         facts.notices.add("rays.spectrum_replaced", told);
     }
     facts.spectral = SpectralData::Table(table.clone());
+    if facts.has_radiant && facts.has_luminous {
+        facts.has_luminous = false;
+        facts.header_flux.luminous_lm = None;
+    }
     if let Some(quantity) = stored(facts)
         && let own @ Some(_) = facts.header_flux.of(quantity)
     {

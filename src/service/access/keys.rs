@@ -110,18 +110,24 @@ pub async fn any(records: &Records) -> Result<bool, Error> {
     Ok(records.read_one(sql(select)).await?.is_some())
 }
 
-/// Makes a key like `id` and lets that one end `overlap_ms` from now, or when it would have anyway. `None` when there is no
+/// Makes a key like `id`, that lives as long as that was made to, and lets that one end `overlap_ms` from now, or when it would
+/// have anyway. `None` when there is no
 /// such key, or it opens nothing any more.
 ///
 /// # Errors
 /// As [`create`].
 pub async fn rotate(records: &Records, id: &str, overlap_ms: i64) -> Result<Option<Issued>, Error> {
+    let before = records.read_one(sql("SELECT * FROM api_keys WHERE id = $1").bind(id)).await?;
+    let lifetime_ms = match before.as_ref().map(key).transpose()? {
+        Some(Key { created_ms, expires_ms: Some(expires_ms), .. }) => Some(expires_ms - created_ms),
+        _ => None,
+    };
     let mut transaction = records.begin().await?;
     let end = "UPDATE api_keys SET expires_ms = CASE WHEN expires_ms < {now} + $1 THEN expires_ms ELSE {now} + $1 END \
                WHERE id = $2 AND revoked_ms IS NULL AND (expires_ms IS NULL OR expires_ms > {now}) RETURNING *";
     let rows = transaction.read(sql(end).bind(overlap_ms).bind(id)).await?;
     let Some(old) = rows.first().map(key).transpose()? else { return Ok(None) };
-    let new = NewKey { tenant: old.tenant, name: old.name, scopes: old.scopes, lifetime_ms: None };
+    let new = NewKey { tenant: old.tenant, name: old.name, scopes: old.scopes, lifetime_ms };
     let issued = insert(&mut transaction, &new).await?;
     transaction.commit().await?;
     Ok(Some(issued))
@@ -247,6 +253,14 @@ mod tests {
 
         let listed = list(&records, Some("lab")).await.unwrap();
         assert_eq!((listed.len(), list(&records, Some("shop")).await.unwrap().len()), (4, 0));
+        // What succeeds a key that ends lives as long as that was made to.
+        let day = 86_400_000;
+        let brief = create(&records, &NewKey { lifetime_ms: Some(day), ..new }).await.unwrap();
+        let next = rotate(&records, &brief.id, 0).await.unwrap().unwrap();
+        let listed = list(&records, Some("lab")).await.unwrap();
+        let next = listed.iter().find(|key| key.id == next.id).unwrap();
+        assert_eq!(next.expires_ms.unwrap() - next.created_ms, day);
+
         records.close().await;
         let stored = std::fs::read(folder.path().join("service.db")).unwrap();
         assert!(!stored.windows(secret.len()).any(|bytes| bytes == secret.as_bytes()), "the secret is in the database");

@@ -311,7 +311,7 @@ impl Worker {
 
     async fn forget(&self, claim: &Claim) {
         if let Err(error) = self.storage.blobs.delete_all(&claim.folder()).await {
-            tracing::warn!(job = claim.id, %error, "blobs of an unpublished attempt stay until the next start");
+            tracing::warn!(job = claim.id, %error, "blobs of an unpublished attempt stay until they are swept");
         }
     }
 }

@@ -106,10 +106,16 @@ pub async fn list(records: &Records, tenant: &str, before: Option<&str>, limit: 
 /// # Errors
 /// The database did not answer.
 pub async fn delete(records: &Records, tenant: &str, id: &str) -> Result<Deletion, Error> {
+    let mut transaction = records.begin().await?;
+    // As with ray sets: waits for whoever is queuing a job for it, and makes those that come later wait.
+    let wait = sql("UPDATE spectra SET name = name WHERE tenant = $1 AND id = $2");
+    transaction.write(wait.bind(tenant).bind(id)).await?;
     let delete = "DELETE FROM spectra WHERE tenant = $1 AND id = $2 AND NOT EXISTS (SELECT 1 FROM job_inputs \
                   JOIN jobs ON jobs.id = job_inputs.job_id \
                   WHERE job_inputs.spectrum_id = $2 AND jobs.state IN ('queued', 'running'))";
-    if records.write(sql(delete).bind(tenant).bind(id)).await? > 0 {
+    let deleted = transaction.write(sql(delete).bind(tenant).bind(id)).await?;
+    transaction.commit().await?;
+    if deleted > 0 {
         return Ok(Deletion::Deleted);
     }
     Ok(if get(records, tenant, id).await?.is_some() { Deletion::Needed } else { Deletion::Missing })

@@ -33,6 +33,11 @@ use serde::Serialize;
 use std::io;
 use std::sync::Arc;
 
+/// Most texts of a file that are shown.
+const MOST_TEXTS: usize = 256;
+/// Most bytes of them together.
+const MOST_TEXT_BYTES: usize = 64 << 10;
+
 /// A name and what the file says under it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Text {
@@ -270,9 +275,35 @@ fn pivot(set: &RaySet) -> Result<DVec3, Error> {
     Ok(if origin.is_finite() { origin } else { DVec3::ZERO })
 }
 
+/// The texts that are shown, within bounds: what is kept of a file must not grow with its comments. And whether there are more.
+fn shown(texts: &[(String, String)]) -> (Vec<Text>, bool) {
+    let mut left = MOST_TEXT_BYTES;
+    let filled = texts.iter().filter(|(_, value)| !value.is_empty());
+    let fits = |(name, value): &&(String, String)| {
+        let room = left.checked_sub(name.len() + value.len());
+        left = room.unwrap_or(left);
+        room.is_some()
+    };
+    let count = filled.clone().count();
+    let shown: Vec<Text> = filled
+        .take_while(fits)
+        .take(MOST_TEXTS)
+        .map(|(name, value)| Text { name: name.clone(), value: value.clone() })
+        .collect();
+    let cut = shown.len() < count;
+    (shown, cut)
+}
+
 impl Header {
     fn of(facts: &Facts, byte_count: u64) -> Header {
-        let texts = facts.texts.iter().filter(|(_, value)| !value.is_empty());
+        let (shown, cut) = shown(&facts.texts);
+        let mut notices = facts.notices.clone();
+        if cut {
+            let told = format!(
+                "The file has more than {MOST_TEXTS} texts or {MOST_TEXT_BYTES} bytes of them; the rest is not shown."
+            );
+            notices.add("rays.texts_cut", told);
+        }
         Header {
             format: facts.format,
             byte_count,
@@ -285,8 +316,8 @@ impl Header {
             length_unit: facts.length_unit.map(LengthUnit::symbol),
             quantity_unknown: facts.quantity_unknown,
             table_range_nm: facts.spectral.tables().iter().fold(None, |all, table| wider(all, Some(table.range_nm()))),
-            texts: texts.map(|(name, value)| Text { name: name.clone(), value: value.clone() }).collect(),
-            notices: facts.notices.to_vec(),
+            texts: shown,
+            notices: notices.to_vec(),
         }
     }
 }
