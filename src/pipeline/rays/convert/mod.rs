@@ -192,7 +192,7 @@ fn called<'a>(input: &'a Input, facts: &'a Facts) -> &'a str {
 
 /// The total to be written: the header's own number where the rays agree with it, so that a file converted to its own format
 /// keeps it to the last digit. A declared flux leaves nothing of the header.
-fn total(channel: &Channel, of: fn(&Flux) -> Option<f64>) -> Option<f64> {
+fn total(channel: &Channel, of: impl Fn(&Flux) -> Option<f64>) -> Option<f64> {
     const SAME: f64 = 1e-6;
     let header = of(&channel.facts().header_flux).filter(|_| channel.fixed.is_none());
     match (header, of(&channel.flux)) {

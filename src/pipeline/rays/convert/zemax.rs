@@ -5,7 +5,7 @@ use super::super::super::vocabulary::notice::Notices;
 use super::super::source::Channel;
 use super::super::zemax_writer::{Header, Rows};
 use super::super::{Facts, Input, SpectralData};
-use super::called;
+use super::{called, total};
 
 /// The header for the rays of `channel`.
 ///
@@ -18,7 +18,7 @@ pub fn header(input: &Input, channel: &Channel, notices: &mut Notices) -> Result
         let found = format!("A Zemax file holds at most {} rays; these are {}.", u32::MAX, channel.survey.rays_used);
         Error::refused("zemax.too_many_rays", found, "Convert to TM-25.")
     })?;
-    let flux = if rows == Rows::Luminous { channel.flux.luminous_lm } else { channel.flux.radiant_w };
+    let flux = total(channel, |flux| if rows == Rows::Luminous { flux.luminous_lm } else { flux.radiant_w });
     Ok(Header {
         ray_count,
         description: called(input, facts).to_owned(),
