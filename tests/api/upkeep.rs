@@ -49,7 +49,9 @@ async fn the_numbers_tell_whether_it_is_stuck() {
         assert_eq!(number(&site, name).await, expected, "{name}");
     }
     assert!(number(&site, "lampwright_oldest_queued_seconds").await >= 7.0);
-    assert!(number(&site, "lampwright_free_bytes").await > 0.0);
+    // Only a local disk has an end that can be measured.
+    let free = number(&site, "lampwright_free_bytes").await;
+    assert!(if crate::engines::are_shared() { free == -1.0 } else { free > 0.0 }, "{free}");
     gate.open();
     for job in [&running, &queued] {
         site.until_state(job, "succeeded").await;
