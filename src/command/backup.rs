@@ -1,8 +1,8 @@
 //! `backup`: a copy of everything a service keeps, taken while it runs.
 
-use super::Failure;
 use super::stores::{self, Stores};
 use super::table::count;
+use super::{Failure, output};
 use crate::service::backup::{self, Error};
 use clap::Args;
 use std::path::PathBuf;
@@ -24,17 +24,20 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let config = arguments.stores.config();
     let copied = stores::run(async { Ok(backup::backup(&config, &arguments.to).await?) })?;
-    println!(
-        "{}: {} blobs, {} of them new ({} bytes); restore with: lampwright serve --data {0}",
+    output::print(format_args!(
+        "{}: {} blobs, {} of them new ({} bytes); restore with: lampwright serve --data {0}\n",
         arguments.to.display(),
         count(copied.blobs),
         count(copied.fresh),
         count(copied.fresh_bytes),
-    );
-    if copied.deleted > 0 {
-        println!("{} ray sets and jobs were deleted meanwhile and are not in it", count(copied.deleted));
+    ))?;
+    match copied.deleted {
+        0 => Ok(()),
+        deleted => output::print(format_args!(
+            "{} ray sets and jobs were deleted meanwhile and are not in it\n",
+            count(deleted)
+        )),
     }
-    Ok(())
 }
 
 impl From<Error> for Failure {

@@ -4,7 +4,7 @@ use super::declaration::{self, ChannelFile};
 use super::inspect::notice_rows;
 use super::progress::Progress;
 use super::table::{Table, count, flux, number, percent, triple};
-use super::{Failure, argument};
+use super::{Failure, argument, output};
 use crate::pipeline::artifacts::{IesEdition, Spectra, zip};
 use crate::pipeline::flux::balance::Share;
 use crate::pipeline::hull::Label;
@@ -139,8 +139,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut outcome = outcome.map_err(|error| Failure::from(error).at(names(&inputs)))?;
     outcome.notices.extend(notices.into_iter().flatten());
     write(folder, &outcome)?;
-    print!("{}", summary(&outcome, &times, folder));
-    Ok(())
+    output::print(summary(&outcome, &times, folder))
 }
 
 fn names(inputs: &[Input]) -> String {

@@ -1,10 +1,10 @@
 //! `convert`: a ray file as another, for programs that read only one of them.
 
-use super::Failure;
 use super::declaration::{self, ChannelFile};
 use super::inspect::notice_rows;
 use super::progress::Progress;
 use super::table::{Table, count, flux};
+use super::{Failure, output};
 use crate::pipeline::rays::convert::{self, Converted, Failed, Target};
 use crate::pipeline::vocabulary::watch::StageWatch;
 use crate::pipeline::{Input, Limits, Stage};
@@ -73,8 +73,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let converted = write(&input, format.target(), path)?;
     let mut table = summary(&input, &converted, format, path);
     notice_rows(&mut table, &notices);
-    print!("{table}");
-    Ok(())
+    output::print(table)
 }
 
 /// Under another name first: nobody ever sees a part of a file, and what was there stays until all is written.

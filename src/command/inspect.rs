@@ -1,9 +1,9 @@
 //! `inspect`: what a file says of itself, and what its rays say. Users want these checks before they want a model.
 
-use super::Failure;
 use super::declaration::{self, ChannelFile};
 use super::progress::Progress;
 use super::table::{Table, count, flux, number, triple};
+use super::{Failure, output};
 use crate::pipeline::{self, Header, Input, Inspection, Limits, Notice};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -52,7 +52,8 @@ fn one(arguments: &Arguments, input: &Input, notices: &[Notice]) -> Result<(), F
     }
     if arguments.json {
         let text = serde_json::to_string_pretty(&inspection);
-        println!("{}", text.map_err(|error| Failure::failed("inspect.json", error.to_string(), "Leave out --json."))?);
+        let text = text.map_err(|error| Failure::failed("inspect.json", error.to_string(), "Leave out --json."))?;
+        output::print(format_args!("{text}\n"))
     } else {
         let mut table = Table::default();
         table.row("file", ["name".into(), input.name.clone()]);
@@ -62,9 +63,8 @@ fn one(arguments: &Arguments, input: &Input, notices: &[Notice]) -> Result<(), F
         check_rows(&mut table, &inspection);
         notice_rows(&mut table, &inspection.notices);
         notice_rows(&mut table, notices);
-        print!("{table}");
+        output::print(table)
     }
-    Ok(())
 }
 
 fn draw(inspection: &Inspection, name: &str, folder: &Path) -> Result<(), Failure> {

@@ -1,8 +1,8 @@
 //! `keys`: who may use the service. Works next to a running one, on the same database.
 
-use super::Failure;
 use super::stores::Stores;
 use super::table::{Table, moment};
+use super::{Failure, output};
 use crate::service::access::keys::{self, Issued, Key, NewKey};
 use crate::service::access::{DEFAULT_TENANT, Scope, tenants};
 use clap::{Args, Subcommand};
@@ -81,15 +81,16 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         What::Create { tenant, scopes, name, expires, stores } => {
             let scopes = if scopes.is_empty() { Scope::OF_A_TENANT.to_vec() } else { scopes };
             let new = NewKey { tenant, name, scopes, lifetime_ms: expires.map(|days| i64::from(days) * DAY_MS) };
-            tell(&stores.with_records(async |records| keys::create(records, &new).await)?);
+            tell(&stores.with_records(async |records| keys::create(records, &new).await)?)?;
         }
         What::List { tenant, stores } => {
-            print!("{}", table(&stores.with_records(async |records| keys::list(records, tenant.as_deref()).await)?));
+            let listed = stores.with_records(async |records| keys::list(records, tenant.as_deref()).await)?;
+            output::print(table(&listed))?;
         }
         What::Rotate { id, overlap, stores } => {
             let overlap_ms = i64::from(overlap) * HOUR_MS;
             let issued = stores.with_records(async |records| keys::rotate(records, &id, overlap_ms).await)?;
-            tell(&issued.ok_or_else(|| none(&id))?);
+            tell(&issued.ok_or_else(|| none(&id))?)?;
         }
         What::Revoke { id, stores } => {
             let revoked = stores.with_records(async |records| keys::revoke(records, &id).await)?;
@@ -100,9 +101,9 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
 }
 
 /// The key alone on standard output, so that it can be piped into a secret store.
-fn tell(issued: &Issued) {
+fn tell(issued: &Issued) -> Result<(), Failure> {
     eprintln!("Key {} is told this once:", issued.id);
-    println!("{}", issued.token);
+    output::print(format_args!("{}\n", issued.token))
 }
 
 fn none(id: &str) -> Failure {

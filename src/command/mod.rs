@@ -3,6 +3,8 @@
 
 /// What goes wrong, told to a person at a terminal.
 mod failure;
+/// What a verb answers.
+mod output;
 /// A file on disk as the pipeline wants its bytes.
 mod file;
 /// Who watches a run from a terminal: the bar and the clock.

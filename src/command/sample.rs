@@ -1,7 +1,7 @@
 //! `sample`: known sources as ray files, for trying things out and for judging this and other programs.
 
 use super::table::Table;
-use super::{Failure, argument};
+use super::{Failure, argument, output};
 use crate::pipeline::rays::synthetic::{self, KnownSource};
 use crate::pipeline::vocabulary::space::Axis;
 use clap::Args;
@@ -38,16 +38,14 @@ pub struct Arguments {
 /// A name that is none; a disk that says no.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Some(name) = &arguments.name else {
-        print!("{}", catalogue());
-        return Ok(());
+        return output::print(catalogue());
     };
     let unknown =
         || Failure::usage("sample.unknown", "There is no such source.", "lampwright sample --list names them.");
     let source = synthetic::by_name(name).ok_or_else(|| unknown().at(name))?.rotate(arguments.axis);
     let path = arguments.output.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.tm25ray")));
     write(&source, arguments, &path).map_err(|error| Failure::disk(&path, &error))?;
-    println!("{}: {} rays of {name}, seed {}", path.display(), arguments.rays, arguments.seed);
-    Ok(())
+    output::print(format_args!("{}: {} rays of {name}, seed {}\n", path.display(), arguments.rays, arguments.seed))
 }
 
 fn write(source: &KnownSource, arguments: &Arguments, path: &Path) -> std::io::Result<()> {

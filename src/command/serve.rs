@@ -1,8 +1,8 @@
 //! `serve`: the service. On an empty data folder it first takes in a known source through the same queue as any upload, so that
 //! there is something to look at within seconds.
 
-use super::Failure;
 use super::bounds::Bounds;
+use super::{Failure, output};
 use crate::pipeline::Limits;
 use crate::pipeline::rays::synthetic;
 use crate::service::telemetry::{self, LogFormat};
@@ -172,16 +172,22 @@ async fn serve(arguments: &Arguments) -> Result<(), Failure> {
     let unwanted = arguments.no_sample || asks_for_keys || !config.is_alone();
     let service = Service::start(config).await?;
     let site = format!("http://{}", reachable(service.address()));
-    println!("Lampwright {} is at {site}", env!("CARGO_PKG_VERSION"));
-    println!("  documentation   {site}/docs");
     let key = if asks_for_keys { " -H \"Authorization: Bearer $KEY\"" } else { "" };
-    println!("  send a file     curl -X POST{key} -T FILE '{site}/v1/ray-sets?name=FILE'");
+    say(&format!(
+        "Lampwright {} is at {site}\n  documentation   {site}/docs\n  send a file     curl -X POST{key} -T FILE '{site}/v1/ray-sets?name=FILE'",
+        env!("CARGO_PKG_VERSION")
+    ));
     if let Some(sample) = begin(&service, unwanted).await? {
-        println!("  built-in sample {site}/v1/jobs/{}  ({SAMPLE}, {SAMPLE_RAYS} rays)", sample.job);
+        say(&format!("  built-in sample {site}/v1/jobs/{}  ({SAMPLE}, {SAMPLE_RAYS} rays)", sample.job));
         tokio::spawn(tell_when_done(service.router(), site, sample));
     }
     let listener = |error: std::io::Error| Failure::failed("serve.listener", error.to_string(), "Start it again.");
     service.run_until(stop).await.map_err(listener)
+}
+
+/// Greets whoever has started it; a service goes on when nobody reads that.
+fn say(line: &str) {
+    let _ = output::print(format_args!("{line}\n"));
 }
 
 /// Gives an empty service its first job.
@@ -209,11 +215,11 @@ async fn tell_when_done(router: Router, site: String, sample: Submitted) {
         match job.get("state").and_then(serde_json::Value::as_str) {
             Some("queued" | "running") => {}
             Some("succeeded") => {
-                println!("The sample's model is finished: curl -O {site}{address}/model.zip");
+                say(&format!("The sample's model is finished: curl -O {site}{address}/model.zip"));
                 return;
             }
             other => {
-                println!("The sample gave no model ({}): see {site}{address}", other.unwrap_or("deleted"));
+                say(&format!("The sample gave no model ({}): see {site}{address}", other.unwrap_or("deleted")));
                 return;
             }
         }

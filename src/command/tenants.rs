@@ -1,8 +1,8 @@
 //! `tenants`: who uses the service, how much, and how much they may.
 
-use super::Failure;
 use super::stores::Stores;
 use super::table::{Table, count};
+use super::{Failure, output};
 use crate::service::access::quota::{self, Usage};
 use crate::service::access::tenants::{self, Tenant};
 use crate::service::storage::Error;
@@ -58,7 +58,7 @@ fn limit(text: &str) -> Result<Limit, String> {
 /// A name that is none; a database that cannot be had.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     match arguments.what {
-        What::List { stores } => print!("{}", table(&stores.with_records(used)?)),
+        What::List { stores } => output::print(table(&stores.with_records(used)?))?,
         What::Set { tenant, stored_bytes, queued_jobs, running_jobs, stores } => {
             if !tenants::is_name(&tenant) {
                 let found = "This is no name of a tenant.";

@@ -169,11 +169,17 @@ fn build_writes_what_the_service_would_and_says_where_the_light_went() {
 }
 
 #[test]
-fn a_closed_pipe_is_no_crash() {
-    let mut child = server::command(&["openapi"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    drop(child.stdout.take());
-    let output = child.wait_with_output().unwrap();
-    assert!(!String::from_utf8_lossy(&output.stderr).contains("panicked"), "{output:?}");
+fn who_stops_reading_is_no_failure_and_a_full_disk_is_one() {
+    for verb in [["openapi"].as_slice(), &["sample", "--list"]] {
+        let mut child = server::command(verb).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        drop(child.stdout.take());
+        let output = child.wait_with_output().unwrap();
+        assert!(output.status.success() && output.stderr.is_empty(), "{verb:?}: {output:?}");
+        let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+        let output = server::command(verb).stdout(full).stderr(Stdio::piped()).output().unwrap();
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(1) && told.contains("output.unwritable"), "{verb:?}: {output:?}");
+    }
 }
 
 #[test]
