@@ -3,6 +3,7 @@
 use super::super::access::keys::Refusal;
 use super::super::access::{Access, Scope};
 use super::Api;
+use super::contract::can_fail;
 use super::problem::Problem;
 use axum::extract::{FromRequestParts, Request};
 use axum::http::request::Parts;
@@ -11,9 +12,9 @@ use axum::middleware::{Next, from_fn};
 use axum::response::IntoResponse;
 use std::net::IpAddr;
 use tracing::Span;
+use utoipa::openapi::OpenApi;
 use utoipa::openapi::path::{Operation, Paths};
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
-use utoipa::openapi::{ContentBuilder, OpenApi, Ref, ResponseBuilder};
 use utoipa_axum::router::UtoipaMethodRouter;
 
 /// What the contract calls the way in.
@@ -116,7 +117,7 @@ impl<S: Send + Sync> FromRequestParts<S> for Access {
 }
 
 /// The operations of these paths.
-fn operations(paths: &mut Paths) -> impl Iterator<Item = &mut Operation> {
+pub fn operations(paths: &mut Paths) -> impl Iterator<Item = &mut Operation> {
     paths.paths.values_mut().flat_map(|item| {
         let all = [&mut item.get, &mut item.put, &mut item.post, &mut item.delete, &mut item.patch, &mut item.head];
         all.into_iter().flatten()
@@ -132,9 +133,7 @@ fn document(operation: &mut Operation, scope: Scope, counted: Counted) {
         refusals.push(("429", "too many requests, or the quota is used up"));
     }
     for (status, description) in refusals {
-        let problem = ContentBuilder::new().schema(Some(Ref::from_schema_name("Problem"))).build();
-        let response = ResponseBuilder::new().description(description).content("application/problem+json", problem);
-        operation.responses.responses.entry(status.to_owned()).or_insert_with(|| response.build().into());
+        can_fail(operation, status, description);
     }
 }
 

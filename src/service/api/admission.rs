@@ -1,6 +1,8 @@
 //! How many requests are let in at once, how long they may take, and whether there is room for what they bring.
 
 use super::Api;
+use super::access::operations;
+use super::contract::can_fail;
 use super::problem::Problem;
 use axum::BoxError;
 use axum::body::Body;
@@ -30,7 +32,10 @@ pub fn admit(routes: OpenApiRouter<Api>, at_once: usize) -> OpenApiRouter<Api> {
 }
 
 /// No request to these routes takes longer than [`PATIENCE`] to begin its response.
-pub fn patient(routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
+pub fn patient(mut routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
+    for operation in operations(&mut routes.get_openapi_mut().paths) {
+        can_fail(operation, "504", "the answer took too long");
+    }
     routes.layer(ServiceBuilder::new().layer(HandleErrorLayer::new(refused)).layer(TimeoutLayer::new(PATIENCE)))
 }
 

@@ -38,6 +38,7 @@ pub struct ArtifactList {
     /// In the order of the zip; empty until the job has succeeded.
     artifacts: Vec<Artifact>,
     /// All of them in one; null until the job has succeeded.
+    #[schema(required)]
     zip: Option<Artifact>,
 }
 
@@ -96,8 +97,8 @@ pub async fn list(
         ("If-Range" = Option<String>, Header, description = "the entity tag that the range is of"),
     ),
     responses(
-        (status = 200, body = inline(super::Binary), content_type = "*/*", description = "its bytes", headers(("ETag" = String, description = "its SHA-256"))),
-        (status = 206, body = inline(super::Binary), content_type = "*/*", description = "the bytes asked for", headers(("Content-Range" = String, description = "which they are"))),
+        (status = 200, body = inline(super::AnyFile), content_type = "*/*", description = "its bytes", headers(("ETag" = String, description = "its SHA-256"))),
+        (status = 206, body = inline(super::AnyFile), content_type = "*/*", description = "the bytes asked for", headers(("Content-Range" = String, description = "which they are"))),
         (status = 304, description = "the client has it"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job or artifact"),
         (status = 416, body = Problem, content_type = "application/problem+json", description = "a range outside the file"),

@@ -28,8 +28,9 @@ impl<T: DeserializeOwned + Serialize, S: Send + Sync> FromRequest<S> for Body<T>
             ));
         }
         let bytes = bytes_up_to(request.into_body(), MAX_JSON_BYTES).await?;
-        let json: Value =
+        let mut json: Value =
             serde_json::from_slice(&bytes).map_err(|error| Problem::malformed_json(format!("{error}.")))?;
+        write_whole(&mut json);
         let value: T = serde_path_to_error::deserialize(&json)
             .map_err(|error| Problem::wrong_shape(&error.path().to_string(), &error.inner().to_string()))?;
         let meant = serde_json::to_value(&value).unwrap_or_default();
@@ -37,6 +38,21 @@ impl<T: DeserializeOwned + Serialize, S: Send + Sync> FromRequest<S> for Body<T>
             Some(path) => Err(Problem::wrong_shape(&path, "invalid type: sequence, expected an object")),
             None => Ok(Body(value)),
         }
+    }
+}
+
+/// Writes 16.0 as 16: to JSON they are one number, to serde they are not.
+fn write_whole(value: &mut Value) {
+    match value {
+        Value::Number(number) => {
+            let whole = number.as_f64().filter(|float| number.is_f64() && float.fract() == 0.0 && float.abs() < 9e15);
+            if let Some(whole) = whole {
+                *number = (whole as i64).into();
+            }
+        }
+        Value::Array(items) => items.iter_mut().for_each(write_whole),
+        Value::Object(fields) => fields.values_mut().for_each(write_whole),
+        Value::Null | Value::Bool(_) | Value::String(_) => {}
     }
 }
 

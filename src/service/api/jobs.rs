@@ -36,10 +36,12 @@ pub struct Job {
     #[schema(minimum = 0, maximum = 1)]
     progress: f64,
     /// The stage it is in; null before the first.
+    #[schema(required)]
     stage: Option<&'static str>,
     /// Every stage, in order.
     stages: Vec<StageProgress>,
     /// Place in the queue from 1, while queued.
+    #[schema(required)]
     queue_position: Option<u64>,
     /// How often it was begun.
     attempt: u32,
@@ -48,18 +50,22 @@ pub struct Job {
     /// The channels of its source, as sent.
     channels: Vec<Channel>,
     /// Total flux of its source, of which the channels have shares.
+    #[schema(required)]
     total: Option<TotalFlux>,
     /// What was chosen; null means from the rays.
     options: JobOptions,
     /// Why it failed, if it did.
+    #[schema(required)]
     problem: Option<JobProblem>,
     /// What was repaired, dropped or odd, once it has succeeded.
     notices: Vec<StoredNotice>,
     /// When it was accepted, epoch ms.
     created_ms: i64,
     /// When it was last begun, epoch ms.
+    #[schema(required)]
     started_ms: Option<i64>,
     /// When it ended, epoch ms.
+    #[schema(required)]
     finished_ms: Option<i64>,
     /// Where things are.
     links: JobLinks,
@@ -85,8 +91,10 @@ pub struct JobProblem {
     /// What was found.
     detail: String,
     /// Where: "byte 20", "options.hull.resolution".
+    #[schema(required)]
     at: Option<String>,
     /// What to do.
+    #[schema(required)]
     remedy: Option<String>,
 }
 
@@ -103,10 +111,13 @@ pub struct JobLinks {
     #[serde(rename = "self")]
     this: String,
     /// POST here to cancel; null once it has ended.
+    #[schema(required)]
     cancel: Option<String>,
     /// The list of its artifacts; null until it has succeeded.
+    #[schema(required)]
     artifacts: Option<String>,
     /// All of them in one zip; null until it has succeeded.
+    #[schema(required)]
     zip: Option<String>,
     /// Its ray sets.
     ray_sets: Vec<String>,
@@ -118,6 +129,7 @@ pub struct JobList {
     /// One page of them.
     jobs: Vec<Job>,
     /// The `after` of the next page; null on the last.
+    #[schema(required)]
     next: Option<String>,
 }
 

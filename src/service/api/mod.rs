@@ -24,6 +24,8 @@ pub mod artifacts;
 pub mod health;
 /// Numbers for who watches over it.
 pub mod metrics;
+/// What it says of every route.
+mod contract;
 /// The contract, for programs and for people.
 pub mod docs;
 
@@ -87,6 +89,11 @@ pub struct Api {
     /// The service is stopping: what would not end by itself ends when this is cancelled.
     pub draining: CancellationToken,
 }
+
+/// A file; its `Content-Type` says of which kind.
+#[derive(ToSchema)]
+#[schema(value_type = Value)]
+pub struct AnyFile(#[expect(dead_code, reason = "a schema, never a value")] Vec<u8>);
 
 /// The bytes of a file.
 #[derive(ToSchema)]
@@ -192,9 +199,7 @@ fn dressed(router: Router<Api>, api: Api) -> Router {
 pub fn openapi() -> String {
     let mut contract: OpenApi = routes().split_for_parts().1;
     access::document_scheme(&mut contract);
-    // The router's wildcard is no placeholder in OpenAPI.
-    let paths = std::mem::take(&mut contract.paths.paths);
-    contract.paths.paths = paths.into_iter().map(|(path, item)| (path.replace("{*", "{"), item)).collect();
+    contract::complete(&mut contract);
     let mut text = contract.to_pretty_json().unwrap_or_default();
     text.push('\n');
     text

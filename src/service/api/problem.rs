@@ -31,6 +31,7 @@ pub struct Problem {
     /// The kind of problem, for a person.
     pub title: Cow<'static, str>,
     /// The HTTP status.
+    #[schema(minimum = 400, maximum = 599)]
     pub status: u16,
     /// What was found.
     #[schema(value_type = String)]
@@ -39,11 +40,11 @@ pub struct Problem {
     pub code: Cow<'static, str>,
     /// Where: "byte 20", "options.hull.resolution", a path in the body.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<String>)]
+    #[schema(value_type = String, required = false)]
     pub at: Option<Box<str>>,
     /// What to do.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<String>)]
+    #[schema(value_type = String, required = false)]
     pub remedy: Option<Box<str>>,
     /// When to ask again, s: the header `Retry-After`.
     #[serde(skip)]

@@ -48,9 +48,10 @@ pub struct RaySet {
     declared: FileDeclaration,
     /// What its rays say, with a verdict per check (`inspection.schema.json`); null in lists and for files taken in before
     /// there were inspections.
-    #[schema(value_type = Option<Object>)]
+    #[schema(value_type = Option<Object>, required)]
     inspection: Option<Value>,
     /// The packed file it came in; null where it came by itself.
+    #[schema(required)]
     packed: Option<Packed>,
     /// When it was complete, epoch ms.
     created_ms: i64,
@@ -83,8 +84,10 @@ pub struct RaySetLinks {
     #[serde(rename = "self")]
     this: String,
     /// Where its rays start, drawn; null without an inspection or usable rays.
+    #[schema(required)]
     origins: Option<String>,
     /// Where they go, drawn; likewise.
+    #[schema(required)]
     far_field: Option<String>,
 }
 
@@ -94,6 +97,7 @@ pub struct RaySetList {
     /// One page of them, their headers without texts: those may be long.
     ray_sets: Vec<RaySet>,
     /// The `after` of the next page; null on the last.
+    #[schema(required)]
     next: Option<String>,
 }
 
@@ -415,11 +419,11 @@ fn percent_decoded(text: &str) -> String {
 
 /// A name without folders and control characters.
 fn plain(name: &str, nameless: &str) -> Result<String, Problem> {
-    let last = name.rsplit(['/', '\\']).next().unwrap_or_default();
-    let clean: String = last.chars().filter(|c| !c.is_control()).collect();
-    if clean.chars().count() > MAX_NAME_CHARS {
+    if name.chars().count() > MAX_NAME_CHARS {
         return Err(Problem::out_of_range("name", "at most 255 characters long"));
     }
+    let last = name.rsplit(['/', '\\']).next().unwrap_or_default();
+    let clean: String = last.chars().filter(|c| !c.is_control()).collect();
     Ok(if clean.is_empty() { nameless.to_owned() } else { clean })
 }
 

@@ -2,6 +2,7 @@
 
 use super::super::access::Access;
 use super::super::jobs::StoredNotice;
+use super::super::jobs::channels::NumberPair;
 use super::super::jobs::worker::hex;
 use super::super::storage::new_id;
 use super::super::storage::ray_sets::Deletion;
@@ -37,11 +38,12 @@ pub struct Spectrum {
     /// Points of its table.
     points: u64,
     /// First and last wavelength, nm.
+    #[schema(value_type = NumberPair)]
     range_nm: (f64, f64),
     /// Luminous efficacy of its radiation, lm/W.
     lm_per_w: f64,
     /// Its table: wavelength, nm, and spectral density, in the file's scale; null in lists.
-    #[schema(value_type = Option<Vec<[f64; 2]>>)]
+    #[schema(value_type = Option<Vec<NumberPair>>, required)]
     nm_value: Option<Vec<(f64, f64)>>,
     /// What was repaired or odd.
     notices: Vec<StoredNotice>,
@@ -65,6 +67,7 @@ pub struct SpectrumList {
     /// One page of them, without their tables.
     spectra: Vec<Spectrum>,
     /// The `after` of the next page; null on the last.
+    #[schema(required)]
     next: Option<String>,
 }
 

@@ -30,7 +30,7 @@ pub struct Channel {
     pub ray_set: String,
     /// What it is called in the report. Default: the ray set's name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(max_length = 255, example = "blue")]
+    #[schema(min_length = 1, max_length = 255, example = "blue")]
     pub name: Option<String>,
     /// Unit of its positions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -99,9 +99,14 @@ pub enum SpectrumChoice {
     /// Identifier of an uploaded spectrum.
     Id(String),
     /// Points of wavelength, nm, increasing, and spectral density, in any scale; linear between them, 0 outside.
-    #[schema(value_type = Vec<[f64; 2]>, example = json!([[440.0, 0.0], [450.0, 1.0], [460.0, 0.0]]))]
+    #[schema(value_type = Vec<NumberPair>, example = json!({"nm_value": [[440.0, 0.0], [450.0, 1.0], [460.0, 0.0]]}))]
     NmValue(Vec<(f64, f64)>),
 }
+
+/// Two numbers.
+#[derive(ToSchema)]
+#[schema(min_items = 2, max_items = 2)]
+pub struct NumberPair(#[expect(dead_code, reason = "a schema, never a value")] Vec<f64>);
 
 /// A channel's flux.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]

@@ -163,7 +163,7 @@ impl From<&pipeline::Error> for Failure {
     }
 }
 
-/// A [`Notice`] as stored and told.
+/// Something that was repaired, dropped or odd.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 #[schema(as = Notice)]
 pub struct StoredNotice {
@@ -172,6 +172,7 @@ pub struct StoredNotice {
     /// How often.
     pub count: u64,
     /// Index of the first ray it happened to, from 0; null where it concerns no single ray.
+    #[schema(required)]
     pub first_ray: Option<u64>,
     /// What was found and what was done.
     pub message: String,

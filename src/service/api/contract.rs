@@ -1,0 +1,74 @@
+//! What the contract says of every route, and what no derive can say.
+
+use super::access::operations;
+use utoipa::openapi::path::{Operation, Parameter, ParameterIn};
+use utoipa::openapi::schema::{AdditionalProperties, Object, SchemaType, Type};
+use utoipa::openapi::{ContentBuilder, OpenApi, Ref, RefOr, ResponseBuilder, Schema};
+
+/// Completes what was collected from the routes.
+pub fn complete(contract: &mut OpenApi) {
+    for operation in operations(&mut contract.paths) {
+        let mut in_path = false;
+        for parameter in operation.parameters.iter_mut().flatten() {
+            let RefOr::T(parameter) = parameter else { continue };
+            in_path |= parameter.parameter_in == ParameterIn::Path;
+            without_null(parameter);
+        }
+        if in_path {
+            can_fail(operation, "400", "an address that is no text");
+        }
+        can_fail(operation, "500", "a fault of the service");
+    }
+    for schema in contract.components.iter_mut().flat_map(|components| components.schemas.values_mut()) {
+        if let RefOr::T(Schema::OneOf(choice)) = schema {
+            choice.items.iter_mut().for_each(one_key);
+        }
+    }
+    // The router's wildcard is no placeholder in OpenAPI.
+    let paths = std::mem::take(&mut contract.paths.paths);
+    contract.paths.paths = paths.into_iter().map(|(path, item)| (path.replace("{*", "{"), item)).collect();
+}
+
+/// Says that an operation may answer `status` with a problem, unless it has said when itself.
+pub fn can_fail(operation: &mut Operation, status: &str, when: &str) {
+    let problem = ContentBuilder::new().schema(Some(Ref::from_schema_name("Problem"))).build();
+    let response = ResponseBuilder::new().description(when).content("application/problem+json", problem);
+    operation.responses.responses.entry(status.to_owned()).or_insert_with(|| response.build().into());
+}
+
+/// What may be left out of an address or a head cannot be null there.
+fn without_null(parameter: &mut Parameter) {
+    let Some(RefOr::T(schema)) = &mut parameter.schema else { return };
+    match schema {
+        Schema::Object(Object { schema_type: SchemaType::Array(types), .. }) => {
+            types.retain(|kind| *kind != Type::Null);
+            if let [only] = types.as_slice() {
+                let only = SchemaType::Type(only.clone());
+                if let Schema::Object(object) = schema {
+                    object.schema_type = only;
+                }
+            }
+        }
+        Schema::OneOf(choice) => {
+            choice.items.retain(|item| !is_null(item));
+            if let [only] = choice.items.as_slice() {
+                parameter.schema = Some(only.clone());
+            }
+        }
+        _ => {}
+    }
+}
+
+fn is_null(schema: &RefOr<Schema>) -> bool {
+    matches!(schema, RefOr::T(Schema::Object(object)) if object.schema_type == SchemaType::Type(Type::Null))
+}
+
+/// A choice between kinds of things is written as an object whose only key names the kind.
+fn one_key(choice: &mut RefOr<Schema>) {
+    if let RefOr::T(Schema::Object(object)) = choice
+        && object.required.len() == 1
+        && object.properties.len() == 1
+    {
+        object.additional_properties = Some(Box::new(AdditionalProperties::FreeForm(false)));
+    }
+}
