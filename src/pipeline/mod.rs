@@ -19,6 +19,8 @@ pub mod goniogram;
 pub mod model;
 /// 6. Results to files.
 pub mod artifacts;
+/// What a run needs of the machine.
+mod memory;
 
 pub use artifacts::{Artifact, IesEdition, Spectra};
 pub use error::{Error, Fault, Place};
@@ -126,6 +128,11 @@ pub fn header(input: &Input, limits: &Limits) -> Result<Header, Error> {
 /// [`Error::Refused`], [`Error::Unusable`], at the channel and the field.
 pub fn judge(files: &[(&str, &str, &Claims, &Declared)], total: Option<Total>) -> Result<(), Error> {
     rays::channels::judge_claims(files, total)
+}
+
+/// Most memory that [`run`] is expected to need, bytes, on `threads` threads; the files by what their headers claim.
+pub fn memory_bytes(files: &[&Claims], options: &Options, threads: usize) -> u64 {
+    memory::estimate(files, options, threads)
 }
 
 /// Reads a spectrum file.

@@ -2,6 +2,7 @@
 
 use super::access::quota::Quota;
 use super::connections::Bounds;
+use super::machine;
 use super::pace::Slowest;
 use crate::pipeline;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -70,6 +71,10 @@ pub struct Config {
     pub concurrency: usize,
     /// Threads each of them computes on.
     pub threads: usize,
+    /// What all jobs computed at once may need together, bytes.
+    pub memory_bytes: u64,
+    /// Longest that an attempt at a job may take.
+    pub job_timeout: Duration,
     /// How often a job may be begun before it counts as what kills its worker.
     pub max_attempts: u32,
     /// How long a worker may be silent before its job is given to another.
@@ -117,6 +122,9 @@ impl Config {
             retention: Retention { jobs: None, ray_sets: None, every: Duration::from_mins(10) },
             concurrency: 2,
             threads: available_parallelism().map_or(1, usize::from),
+            memory_bytes: machine::memory_bytes().map_or(u64::MAX, |bytes| bytes / 4 * 3),
+            // Far above the longest honest job: 2 billion rays are read in an hour.
+            job_timeout: Duration::from_hours(6),
             max_attempts: 3,
             lease: Duration::from_secs(30),
             poll: Duration::from_secs(1),

@@ -67,6 +67,8 @@ struct Numbers {
     attempts: Family<Ended, Counter>,
     attempt_seconds: Family<Ended, Histogram, fn() -> Histogram>,
     leases_lost: Counter,
+    waits_for_memory: Gauge,
+    job_memory: Gauge,
     jobs: Family<InState, Gauge>,
     running: Family<InStage, Gauge>,
     oldest_queued: Seconds,
@@ -106,6 +108,8 @@ impl Metrics {
             attempts: Family::default(),
             attempt_seconds: Family::new_with_constructor(attempt_times),
             leases_lost: Counter::default(),
+            waits_for_memory: Gauge::default(),
+            job_memory: Gauge::default(),
             jobs: Family::default(),
             running: Family::default(),
             oldest_queued: Seconds::default(),
@@ -155,6 +159,16 @@ impl Metrics {
         self.0.leases_lost.inc_by(jobs);
     }
 
+    /// Whether the job that is next does not fit beside those at hand.
+    pub fn waits_for_memory(&self, waits: bool) {
+        self.0.waits_for_memory.set(i64::from(waits));
+    }
+
+    /// Memory that the jobs at hand are expected to need, by this many bytes more or less.
+    pub fn job_memory(&self, more_bytes: i64) {
+        self.0.job_memory.inc_by(more_bytes);
+    }
+
     /// All numbers, as Prometheus reads them.
     pub fn text(&self, backlog: &Backlog, free_bytes: Option<u64>) -> String {
         self.0.look(backlog, free_bytes);
@@ -184,6 +198,10 @@ impl Numbers {
         registry.register("job_attempt_seconds", help, self.attempt_seconds.clone());
         let help = "Jobs this process took back from workers that fell silent";
         registry.register("leases_lost", help, self.leases_lost.clone());
+        let help = "1 while the job that is next does not fit beside those this process computes";
+        registry.register("waits_for_memory", help, self.waits_for_memory.clone());
+        let help = "Memory that the jobs this process computes are expected to need";
+        registry.register("job_memory_bytes", help, self.job_memory.clone());
     }
 
     /// What all processes share.

@@ -24,6 +24,8 @@ pub mod upload;
 mod unpack;
 /// What is to be computed, and who computes it.
 pub mod jobs;
+/// How much memory there is.
+mod machine;
 /// What is kept no longer.
 pub mod retention;
 /// A copy of everything.
@@ -38,6 +40,8 @@ use access::{DEFAULT_TENANT, Door, keys};
 use api::Api;
 use axum::Router;
 use jobs::channels::NewJob;
+use jobs::memory::Memory;
+use jobs::query::Filter;
 use jobs::queue::{self, Queue};
 use jobs::worker::{Runner, Worker, pipeline_runner};
 use metrics::Metrics;
@@ -150,6 +154,8 @@ impl Service {
         let metrics = Metrics::new();
         let queue = Queue::new(storage.clone(), config.lease, config.max_attempts);
         let queue = queue.bounded(config.quota, metrics.clone());
+        let memory = Memory::new(config.memory_bytes, metrics.clone());
+        let queue = queue.within(memory, config.threads, config.job_timeout);
         if lock.is_some() {
             // The lock proves that whoever ran these jobs and wrote these blobs is gone. Where there is none, leases and
             // the age of what lies about say it later.
@@ -222,7 +228,9 @@ impl Service {
         let taken = self.api.intake.take(DEFAULT_TENANT, announcement, ReaderStream::new(reader)).await?;
         let mut submitted = Vec::new();
         for ray_set in taken.ray_sets.into_iter().map(|ray_set| ray_set.id) {
-            let job = self.api.queue.enqueue(DEFAULT_TENANT, &NewJob::of(&ray_set)).await?;
+            let (queue, new) = (&self.api.queue, NewJob::of(&ray_set));
+            let prospect = queue.prospect(DEFAULT_TENANT, &new).await?;
+            let job = queue.enqueue(DEFAULT_TENANT, &new, &prospect, None).await?.id;
             submitted.push(Submitted { ray_set, job });
         }
         Ok(submitted)
@@ -234,8 +242,10 @@ impl Service {
     /// The database did not answer.
     pub async fn is_empty(&self) -> Result<bool, storage::Error> {
         let records = &self.api.storage.records;
-        let ray_sets = storage::ray_sets::list(records, DEFAULT_TENANT, None, 1).await?;
-        Ok(ray_sets.is_empty() && jobs::query::list(records, DEFAULT_TENANT, None, None, 1).await?.is_empty())
+        let ray_sets =
+            storage::ray_sets::list(records, DEFAULT_TENANT, storage::ray_sets::Wanted::default(), None, 1).await?;
+        Ok(ray_sets.is_empty()
+            && jobs::query::list(records, DEFAULT_TENANT, &Filter::default(), None, 1).await?.is_empty())
     }
 
     /// Answers until `shutdown` resolves; then takes nothing new, and gives running jobs and open connections the

@@ -1,4 +1,5 @@
-//! Deletes what is kept no longer: rows first, then blobs, the way a client would. Off unless the operator says how long.
+//! Deletes what is kept no longer: rows first, then blobs, the way a client would. Off unless the operator says how long, but
+//! for the keys of requests, which are kept for a day.
 
 use super::config::Retention;
 use super::jobs::queue::{self, Queue};
@@ -26,12 +27,13 @@ pub struct Deleted {
 /// A store did not answer. Blobs whose rows are gone are garbage, which is collected.
 pub async fn enforce(storage: &Storage, queue: &Queue, retention: &Retention) -> Result<Deleted, Error> {
     let mut deleted = Deleted::default();
+    queue.forget_keys().await?;
     if let Some(age) = retention.jobs {
         for (tenant, id) in every(storage, ended(age)).await? {
-            match queue.delete(&tenant, &id).await {
+            match queue.delete_unused(&tenant, &id, age).await {
                 Ok(()) => deleted.jobs += 1,
-                // Somebody else was here.
-                Err(queue::Error::Missing(_)) => {}
+                // Somebody else was here, or asked for it again.
+                Err(queue::Error::Missing(_) | queue::Error::State(_)) => {}
                 Err(queue::Error::Storage(error)) => return Err(error),
                 Err(error) => return Err(Error::Records(Box::new(error))),
             }
@@ -48,11 +50,8 @@ pub async fn enforce(storage: &Storage, queue: &Queue, retention: &Retention) ->
     Ok(deleted)
 }
 
-/// Enforces `retention` again and again, if it says anything.
+/// Enforces `retention` again and again.
 pub async fn keep_up(storage: Storage, queue: Queue, retention: Retention) {
-    if retention.jobs.is_none() && retention.ray_sets.is_none() {
-        return;
-    }
     let mut ticker = interval(retention.every);
     ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
@@ -73,16 +72,16 @@ async fn every(storage: &Storage, select: Statement) -> Result<Vec<(String, Stri
 
 fn ended(age: Duration) -> Statement {
     let select = "SELECT tenant, id FROM jobs WHERE state IN ('succeeded', 'failed', 'cancelled') \
-                  AND finished_ms <= {now} - $1 ORDER BY finished_ms LIMIT $2";
+                  AND finished_ms <= {now} - $1 AND COALESCE(used_ms, 0) <= {now} - $1 ORDER BY finished_ms LIMIT $2";
     sql(select).bind(ms(age)).bind(BATCH)
 }
 
-/// A ray set is used when it comes and when a job is queued for it.
+/// A ray set is used when it comes and when a job is queued for it, or asked for again.
 fn unused(age: Duration) -> Statement {
     let select = "SELECT tenant, id FROM ray_sets WHERE created_ms <= {now} - $1 AND NOT EXISTS \
                   (SELECT 1 FROM job_inputs JOIN jobs ON jobs.id = job_inputs.job_id \
                    WHERE job_inputs.ray_set_id = ray_sets.id \
-                   AND (jobs.state IN ('queued', 'running') OR jobs.created_ms > {now} - $1)) ORDER BY id LIMIT $2";
+                   AND (jobs.state IN ('queued', 'running') OR jobs.created_ms > {now} - $1 OR COALESCE(jobs.used_ms, 0) > {now} - $1)) ORDER BY id LIMIT $2";
     sql(select).bind(ms(age)).bind(BATCH)
 }
 

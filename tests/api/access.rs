@@ -283,7 +283,7 @@ async fn a_tenant_queues_and_runs_no_more_jobs_than_its_quota() {
     let running = site.job(&ray_set).await;
     site.until_state(&running, "running").await;
     let waiting = [site.job(&ray_set).await, site.job(&ray_set).await];
-    let one_more = json!({ "channels": [{"ray_set": ray_set}] });
+    let one_more = json!({ "channels": [{"ray_set": ray_set}], "reuse": false });
     let refused = site.post("/v1/jobs", &one_more).await;
     refused.is_problem(429, "quota.queued_jobs");
     assert_eq!(refused.header("retry-after"), "10");

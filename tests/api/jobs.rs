@@ -4,7 +4,8 @@ use axum::http::StatusCode;
 use lampwright::service::Config;
 use lampwright::service::access::quota::Quota;
 use lampwright::service::jobs::channels::{FileDeclaration, NewJob};
-use lampwright::service::jobs::queue::{Claim, Queue};
+use lampwright::service::jobs::prospect::Prospect;
+use lampwright::service::jobs::queue::{self, Claim, Queue};
 use lampwright::service::jobs::{Failure, State, TRANSITIONS};
 use lampwright::service::storage::Storage;
 use lampwright::service::storage::inspections::Inspection;
@@ -163,6 +164,12 @@ async fn stores(folder: &Path) -> Storage {
     Storage::open(&config.database_url(), &config.storage_url()).await.unwrap()
 }
 
+/// Queues a job of which nothing is known before.
+async fn enqueue(queue: &Queue, ray_set: &str) -> Result<String, queue::Error> {
+    let queued = queue.enqueue("default", &NewJob::of(ray_set), &Prospect::default(), None).await;
+    queued.map(|queued| queued.id)
+}
+
 /// Makes a ray set known that has no bytes.
 async fn known(storage: &Storage, id: &str) {
     let row = ray_sets::RaySet {
@@ -186,7 +193,7 @@ async fn a_slot_that_did_not_hear_of_its_claim_takes_the_job_back() {
     known(&storage, "r").await;
     let queue = Queue::new(storage.clone(), Duration::from_secs(60), 3);
     let (first, second) = (queue.of_slot(0), queue.of_slot(1));
-    let id = queue.enqueue("default", &NewJob::of("r")).await.unwrap();
+    let id = enqueue(&queue, "r").await.unwrap();
     // The database made this claim; that the connection broke before its answer is played by not looking at it.
     drop(first.claim().await.unwrap());
     assert!(second.claim().await.unwrap().is_none(), "another slot of this process may be at it");
@@ -210,7 +217,7 @@ async fn a_ray_set_is_never_deleted_under_a_job_that_is_being_queued() {
             let (queue, id) = (queue.clone(), id.clone());
             async move {
                 tokio::time::sleep(first).await;
-                queue.enqueue("default", &NewJob::of(&id)).await.is_ok()
+                enqueue(&queue, &id).await.is_ok()
             }
         });
         tokio::time::sleep(second).await;
@@ -235,14 +242,14 @@ async fn only_the_transitions_of_the_table_happen() {
         for change in ["claim", "cancel", "beat", "finish", "fail", "stop", "release", "retry", "sweep"] {
             for (cancel, attempt, expired) in [(0, 1, 0), (1, 1, 0), (0, 3, 1), (1, 1, 1), (0, 1, 1)] {
                 storage.records.write(sql("DELETE FROM jobs")).await.unwrap();
-                let id = ours.enqueue("default", &NewJob::of("r")).await.unwrap();
+                let id = enqueue(&ours, "r").await.unwrap();
                 let set = "UPDATE jobs SET state = $1, fence = 7, attempt = $2, cancel_requested = $3, lease_owner = 'gone', \
                            lease_until_ms = CASE WHEN $1 = 'queued' THEN NULL WHEN $4 = 1 THEN 0 ELSE {now} + 60000 END \
                            WHERE id = $5";
                 let set = sql(set).bind(from.name()).bind(attempt).bind(cancel).bind(i64::from(expired));
                 storage.records.write(set.bind(id.as_str())).await.unwrap();
                 let (tenant, options) = ("default".into(), "{}".into());
-                let claim = Claim { id: id.clone(), tenant, fence: 7, attempt, options };
+                let claim = Claim { id: id.clone(), tenant, fence: 7, attempt, options, ..Claim::default() };
                 // Any answer, also a refusal: what counts is the row.
                 match change {
                     // Claiming sweeps first; that is tried by itself.

@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// Lower-triangular: each part may name itself and the parts above it, nothing below. `pipeline` is its `mod.rs`, the front
 /// door; a re-exported name counts as the part it comes from.
-const ORDER: [&str; 13] = [
+const ORDER: [&str; 14] = [
     "pipeline/error",
     "pipeline/vocabulary",
     "pipeline/rays",
@@ -18,6 +18,7 @@ const ORDER: [&str; 13] = [
     "pipeline/goniogram",
     "pipeline/model",
     "pipeline/artifacts",
+    "pipeline/memory",
     "pipeline",
     "service",
     "command",
@@ -26,8 +27,9 @@ const ORDER: [&str; 13] = [
 ];
 
 /// The only names that look up: the part, the name, and why.
-const UPWARD: [(&str, &str); 1] = [
+const UPWARD: [(&str, &str); 2] = [
     ("pipeline/artifacts", "pipeline::Options"), // the report echoes every choice of the caller
+    ("pipeline/memory", "pipeline::Options"),    // what is needed follows from every choice of the caller
 ];
 
 /// What the service may name inside `pipeline` besides the names its front door defines or re-exports.

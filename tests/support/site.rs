@@ -225,9 +225,9 @@ impl Site {
         reply.id()
     }
 
-    /// Queues a job; its id.
+    /// Queues a job of its own, whether or not there is an equal one; its id.
     pub async fn job(&self, ray_set: &str) -> String {
-        let reply = self.post("/v1/jobs", &json!({ "channels": [{"ray_set": ray_set}] })).await;
+        let reply = self.post("/v1/jobs", &json!({ "channels": [{"ray_set": ray_set}], "reuse": false })).await;
         assert_eq!(reply.status, StatusCode::ACCEPTED, "{reply:?}");
         reply.id()
     }

@@ -163,6 +163,9 @@ fn together(total: Option<Total>, sum: f64, missing: Option<usize>) -> Result<()
 /// What a stored [`super::inspect::Header`] says of its file, as far as it decides whether that can be a channel.
 #[derive(Clone, Debug, Deserialize)]
 pub struct Claims {
+    /// Rays in the file.
+    #[serde(default)]
+    pub ray_count: u64,
     format: Format,
     flux: Flux,
     total_rule: TotalRule,

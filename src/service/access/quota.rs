@@ -108,41 +108,46 @@ impl Quota {
     /// # Errors
     /// The database did not answer. Within: it has not.
     pub async fn admit_bytes(self, transaction: &mut Transaction, tenant: &str) -> Result<Result<(), Exceeded>, Error> {
-        let (quota, usage) = self.hold(transaction, tenant).await?;
-        Ok(Room { used: usage.stored_bytes, limit: quota.stored_bytes }.admit(0))
+        Ok(self.hold(transaction, tenant).await?.room().admit(0))
     }
 
-    /// Whether `tenant` may queue one more job than it has. Right as the first statement of a transaction.
-    ///
-    /// # Errors
-    /// The database did not answer. Within: it may not.
-    pub async fn admit_job(self, transaction: &mut Transaction, tenant: &str) -> Result<Result<(), Exceeded>, Error> {
-        let (quota, usage) = self.hold(transaction, tenant).await?;
-        if usage.queued_jobs >= quota.queued_jobs {
-            return Ok(Err(Exceeded::QueuedJobs { limit: quota.queued_jobs }));
-        }
-        // What it gives will need room: none left is told now, not after the computation.
-        Ok(Room { used: usage.stored_bytes, limit: quota.stored_bytes }.admit(1))
-    }
-
-    /// Whether `tenant` runs no more jobs than it may, with the one that the transaction has just made run.
+    /// The quota and usage of `tenant`, which nobody else changes until the transaction ends. Right as its first statement.
     ///
     /// # Errors
     /// The database did not answer.
-    pub async fn admits_run(self, transaction: &mut Transaction, tenant: &str) -> Result<bool, Error> {
-        let (quota, usage) = self.hold(transaction, tenant).await?;
-        Ok(usage.running_jobs <= quota.running_jobs)
-    }
-
-    /// The quota and usage of `tenant`, which nobody else changes until the transaction ends.
-    async fn hold(self, transaction: &mut Transaction, tenant: &str) -> Result<(Quota, Usage), Error> {
+    pub async fn hold(self, transaction: &mut Transaction, tenant: &str) -> Result<Held, Error> {
         // Changes nothing and locks the row, which is made if need be.
         let hold = sql("INSERT INTO tenants (id) VALUES ($1) ON CONFLICT (id) DO UPDATE SET id = excluded.id \
                         RETURNING id, stored_bytes, queued_jobs, running_jobs");
         let rows = transaction.read(hold.bind(tenant)).await?;
         let quota = rows.first().map(tenants::tenant).transpose()?.map_or(self, |tenant| self.of(&tenant));
         let rows = transaction.read(sql(USAGE).bind(tenant)).await?;
-        Ok((quota, rows.first().map(counted).transpose()?.unwrap_or_default()))
+        Ok(Held { quota, usage: rows.first().map(counted).transpose()?.unwrap_or_default() })
+    }
+}
+
+/// A tenant's quota and usage, as long as the transaction that holds its row.
+#[derive(Clone, Copy, Debug)]
+pub struct Held {
+    quota: Quota,
+    usage: Usage,
+}
+
+impl Held {
+    fn room(self) -> Room {
+        Room { used: self.usage.stored_bytes, limit: self.quota.stored_bytes }
+    }
+
+    /// Whether the tenant may queue one more job than it has.
+    ///
+    /// # Errors
+    /// It may not.
+    pub fn admit_job(self) -> Result<(), Exceeded> {
+        if self.usage.queued_jobs >= self.quota.queued_jobs {
+            return Err(Exceeded::QueuedJobs { limit: self.quota.queued_jobs });
+        }
+        // What it gives will need room: none left is told now, not after the computation.
+        self.room().admit(1)
     }
 }
 

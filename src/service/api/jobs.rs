@@ -1,25 +1,22 @@
 //! `/v1/jobs`: what is to be computed, how far it is, and why it failed.
 
 use super::super::access::Access;
-use super::super::jobs::channels::{Channel, NewJob, TotalFlux};
+use super::super::jobs::channels::{Channel, TotalFlux};
 use super::super::jobs::options::JobOptions;
-use super::super::jobs::{Failure, State as JobState, StoredNotice, query};
-use super::super::storage::{ray_sets, spectra};
+use super::super::jobs::{Failure, Priority, State as JobState, StoredNotice, query};
 use super::Api;
 use super::artifacts::href;
-use super::extract::{Body, Page, Path, Query, cut};
+use super::extract::{Page, Path, Query, cut};
 use super::problem::Problem;
-use super::ray_sets::MAX_NAME_CHARS;
-use crate::pipeline::{self, Stage};
+use crate::pipeline::Stage;
 use axum::Json;
 use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 use utoipa::ToSchema;
 
-/// Most channels of one source.
-const MAX_CHANNELS: usize = 8;
 /// Share of the whole each stage stands for, in the order of [`Stage::ALL`], per cent: by how often it reads the rays (once,
 /// once, once with tracing, once with spectra). Only progress bars depend on it.
 const STAGE_WEIGHTS: [f64; 6] = [20.0, 15.0, 30.0, 30.0, 2.0, 3.0];
@@ -40,7 +37,7 @@ pub struct Job {
     stage: Option<&'static str>,
     /// Every stage, in order.
     stages: Vec<StageProgress>,
-    /// Place in the queue from 1, while queued.
+    /// Place in the line from 1, while queued: its tenant's own jobs by priority, then age. Tenants take turns.
     #[schema(required)]
     queue_position: Option<u64>,
     /// How often it was begun.
@@ -54,6 +51,16 @@ pub struct Job {
     total: Option<TotalFlux>,
     /// What was chosen; null means from the rays.
     options: JobOptions,
+    /// Before which of its tenant's other jobs it comes.
+    priority: Priority,
+    /// Longest that an attempt may take, s; null is the service's own limit.
+    #[schema(required)]
+    timeout_s: Option<u32>,
+    /// Most memory that computing it is expected to need, bytes.
+    memory_bytes: u64,
+    /// Only in the answer to a request that would have made a job: true when this one was there before.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reused: Option<bool>,
     /// Why it failed, if it did.
     #[schema(required)]
     problem: Option<JobProblem>,
@@ -158,12 +165,24 @@ impl From<query::Job> for Job {
             channels: row.channels,
             total: row.total,
             options: row.options,
+            priority: row.priority,
+            timeout_s: row.timeout_s,
+            memory_bytes: row.memory_bytes,
+            reused: None,
             problem: row.failure.map(JobProblem::from),
             notices: row.notices,
             created_ms: row.created_ms,
             started_ms: row.started_ms,
             finished_ms: row.finished_ms,
         }
+    }
+}
+
+impl Job {
+    /// As the answer to a request that would have made it.
+    #[must_use]
+    pub fn reused(self, reused: bool) -> Job {
+        Job { reused: Some(reused), ..self }
     }
 }
 
@@ -174,68 +193,6 @@ fn stages(row: &query::Job) -> Vec<StageProgress> {
         _ => 0.0,
     };
     Stage::ALL.into_iter().map(|stage| StageProgress { name: stage.name(), progress: done(stage) }).collect()
-}
-
-/// Queues a job
-///
-/// Answered as soon as the job is safe: it will be done, whatever happens to this process. Channels that cannot be one source
-/// (unknown units, W beside lm without a spectrum, shares that do not add to 1) are refused here, at the field to change.
-#[utoipa::path(
-    post, path = "/v1/jobs", tag = "jobs", operation_id = "create_job", request_body = NewJob,
-    responses(
-        (status = 202, body = Job, description = "accepted", headers(
-            ("Location" = String, description = "the job"), ("Retry-After" = u64, description = "when to look, s"))),
-        (status = 400, body = Problem, content_type = "application/problem+json", description = "not JSON"),
-        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such ray set or spectrum"),
-        (status = 413, body = Problem, content_type = "application/problem+json", description = "the body is too large"),
-        (status = 415, body = Problem, content_type = "application/problem+json", description = "not JSON by its Content-Type"),
-        (status = 422, body = Problem, content_type = "application/problem+json", description = "unknown field, wrong type, out of range; channels that cannot be one source"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, stopping, or a store that does not answer"),
-    )
-)]
-pub async fn create(State(api): State<Api>, access: Access, Body(new): Body<NewJob>) -> Result<Response, Problem> {
-    if api.draining.is_cancelled() {
-        return Err(Problem::draining());
-    }
-    if !(1..=MAX_CHANNELS).contains(&new.channels.len()) {
-        return Err(Problem::out_of_range("channels", "a list of 1 to 8 channels"));
-    }
-    new.options.resolve()?;
-    judge(&api, &access, &new).await?;
-    let id = api.queue.enqueue(&access.tenant, &new).await?;
-    // Ties the job to the request that asked for it.
-    tracing::info!(job = id, "job queued");
-    accepted(&api, &access, &id).await
-}
-
-/// Whether the channels can be one source, as far as the headers of their files tell.
-async fn judge(api: &Api, access: &Access, new: &NewJob) -> Result<(), Problem> {
-    let (records, tenant) = (&api.storage.records, access.tenant.as_str());
-    let mut files = Vec::new();
-    for (index, channel) in new.channels.iter().enumerate() {
-        if channel.name.as_ref().is_some_and(|name| name.is_empty() || name.chars().count() > MAX_NAME_CHARS) {
-            return Err(Problem::out_of_range(&format!("channels[{index}].name"), "1 to 255 characters long"));
-        }
-        let ray_set = ray_sets::get(records, tenant, &channel.ray_set).await?;
-        let ray_set = ray_set.ok_or_else(|| Problem::no_ray_set(&channel.ray_set))?;
-        let points = match channel.spectrum_id() {
-            Some(id) => {
-                Some(spectra::get(records, tenant, id).await?.ok_or_else(|| Problem::no_spectrum(id))?.points()?)
-            }
-            None => None,
-        };
-        let declared = channel.clone().or(&ray_set.declared).resolve(index, points.as_deref())?;
-        let claims: pipeline::Claims = serde_json::from_str(&ray_set.header).map_err(|error| {
-            tracing::error!(ray_set = ray_set.id, %error, "a stored header cannot be read");
-            Problem::internal()
-        })?;
-        files.push((declared.name.clone().unwrap_or(ray_set.name), ray_set.sha256, claims, declared));
-    }
-    let files: Vec<_> = files
-        .iter()
-        .map(|(name, sha256, claims, declared)| (name.as_str(), sha256.as_str(), claims, declared))
-        .collect();
-    Ok(pipeline::judge(&files, new.total.map(TotalFlux::total))?)
 }
 
 /// Lists jobs, newest first
@@ -254,7 +211,14 @@ pub async fn list(
 ) -> Result<Json<JobList>, Problem> {
     let limit = Page::limit(page.limit)?;
     let after = page.after.as_deref();
-    let rows = query::list(&api.storage.records, &access.tenant, page.state, after, limit as i64 + 1).await?;
+    let filter = query::Filter {
+        states: page.state,
+        ray_set: page.ray_set,
+        priority: page.priority,
+        created_after_ms: page.created_after_ms,
+        created_before_ms: page.created_before_ms,
+    };
+    let rows = query::list(&api.storage.records, &access.tenant, &filter, after, limit as i64 + 1).await?;
     let (rows, next) = cut(rows, limit, |row| &row.id);
     Ok(Json(JobList { jobs: rows.into_iter().map(Job::from).collect(), next }))
 }
@@ -264,14 +228,47 @@ pub async fn list(
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct JobPage {
-    /// Only jobs in this state.
-    state: Option<JobState>,
+    /// Only jobs in these states, separated by commas.
+    #[param(style = Form, explode = false, min_items = 1)]
+    #[serde(default, deserialize_with = "separated")]
+    state: Vec<JobState>,
+    /// Only jobs with this ray set among their channels.
+    #[param(format = Uuid)]
+    ray_set: Option<String>,
+    /// Only jobs of this priority.
+    priority: Option<Priority>,
+    /// Only jobs accepted later than this, epoch ms.
+    #[param(minimum = 0)]
+    #[serde(default, deserialize_with = "moment")]
+    created_after_ms: Option<i64>,
+    /// Only jobs accepted earlier than this, epoch ms.
+    #[param(minimum = 0)]
+    #[serde(default, deserialize_with = "moment")]
+    created_before_ms: Option<i64>,
     /// Most entries to answer.
     #[param(minimum = 1, maximum = 100, default = 20)]
     #[serde(default = "Page::default_limit")]
     limit: u32,
     /// The `next` of the page before.
     after: Option<String>,
+}
+
+/// Words between commas.
+fn separated<'de, D: Deserializer<'de>>(text: D) -> Result<Vec<JobState>, D::Error> {
+    let words = String::deserialize(text)?;
+    let state = |word: &str| {
+        JobState::parse(word).ok_or_else(|| {
+            let known = JobState::ALL.map(JobState::name).join(", ");
+            D::Error::custom(format!("unknown state `{word}`, expected one of {known}"))
+        })
+    };
+    words.split(',').map(state).collect()
+}
+
+/// Time since 1970 is not negative.
+fn moment<'de, D: Deserializer<'de>>(number: D) -> Result<Option<i64>, D::Error> {
+    let ms = u64::deserialize(number)?;
+    i64::try_from(ms).map(Some).map_err(D::Error::custom)
 }
 
 /// Tells of a job
@@ -331,7 +328,11 @@ pub async fn find(api: &Api, access: &Access, id: &str) -> Result<query::Job, Pr
 }
 
 async fn accepted(api: &Api, access: &Access, id: &str) -> Result<Response, Problem> {
-    let job = Job::from(find(api, access, id).await?);
+    Ok(location(StatusCode::ACCEPTED, find(api, access, id).await?.into()))
+}
+
+/// A job that is to be asked for again.
+pub fn location(status: StatusCode, job: Job) -> Response {
     let headers = [(header::LOCATION, job.links.this.clone()), (header::RETRY_AFTER, "1".to_owned())];
-    Ok((StatusCode::ACCEPTED, headers, Json(job)).into_response())
+    (status, headers, Json(job)).into_response()
 }

@@ -18,6 +18,8 @@ pub mod sending;
 pub mod spectra;
 /// What is to be computed.
 pub mod jobs;
+/// How a job is asked for.
+pub mod submission;
 /// What a job gave.
 pub mod artifacts;
 /// Whether the service lives and works.
@@ -129,7 +131,7 @@ fn routes() -> OpenApiRouter<Api> {
         .routes(needs(UploadsRead, routes!(ray_sets::far_field)))
         .routes(needs(UploadsRead, routes!(spectra::list)))
         .routes(needs(UploadsRead, routes!(spectra::get)))
-        .routes(needs(JobsWrite, routes!(jobs::create)))
+        .routes(needs(JobsWrite, routes!(submission::create)))
         .routes(needs(JobsRead, routes!(jobs::list)))
         .routes(needs(JobsRead, routes!(jobs::get)))
         .routes(needs(JobsRead, routes!(artifacts::list)))

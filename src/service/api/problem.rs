@@ -2,6 +2,7 @@
 
 use super::super::access::keys::Refusal;
 use super::super::access::quota::Exceeded;
+use super::super::jobs::memory::TooLarge;
 use super::super::jobs::{Failure, State, queue};
 use super::super::{storage, upload};
 use crate::pipeline;
@@ -219,6 +220,37 @@ impl Problem {
         Problem::new(StatusCode::CONFLICT, code, title, format!("The job is {}.", state.name())).remedy(remedy)
     }
 
+    /// A job that no process could begin.
+    fn job_too_large(TooLarge { needed_bytes, limit_bytes }: TooLarge) -> Problem {
+        let detail = format!(
+            "The job is expected to need {} MiB of memory; all jobs of a process may need {} MiB together.",
+            needed_bytes.div_ceil(1 << 20),
+            limit_bytes >> 20
+        );
+        Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "job.too_large", "The job needs too much memory", detail)
+            .at("options")
+            .remedy(
+                "Choose a lower hull.resolution, fewer goniogram.zones, wider goniogram steps or fewer \
+                 rays.band_edges_nm; ?dry_run=true tells what it comes to. Or ask the operator for more: serve --memory.",
+            )
+    }
+
+    /// A key that stands for another request.
+    fn key_reused(key: &str) -> Problem {
+        let detail = format!("The key {key:?} came with another request before.");
+        Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "idempotency.key_reused", "The key was used before", detail)
+            .at("Idempotency-Key")
+            .remedy("Send each request under a key of its own; repeat a request as it was.")
+    }
+
+    /// A key whose job is gone.
+    fn key_spent(key: &str) -> Problem {
+        let detail = format!("The job that the key {key:?} made was deleted.");
+        Problem::new(StatusCode::GONE, "idempotency.job_deleted", "The job was deleted", detail)
+            .at("Idempotency-Key")
+            .remedy("For another one, send the request under another key.")
+    }
+
     /// A range outside the file.
     pub fn range_not_satisfiable(byte_count: u64) -> Problem {
         let detail = format!("The file has {byte_count} bytes.");
@@ -414,6 +446,10 @@ impl From<queue::Error> for Problem {
             queue::Error::MissingSpectrum(id) => Problem::no_spectrum(&id),
             queue::Error::State(state) => Problem::job_state(state),
             queue::Error::Quota(exceeded) => exceeded.into(),
+            queue::Error::Unfit(error) => error.into(),
+            queue::Error::TooLarge(too_large) => Problem::job_too_large(too_large),
+            queue::Error::KeyReused(key) => Problem::key_reused(&key),
+            queue::Error::KeySpent(key) => Problem::key_spent(&key),
             queue::Error::Storage(error) => error.into(),
         }
     }

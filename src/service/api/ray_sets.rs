@@ -18,7 +18,7 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use tokio_util::sync::CancellationToken;
 use utoipa::ToSchema;
@@ -209,7 +209,7 @@ pub async fn upload(
 
 /// Lists ray sets, newest first
 #[utoipa::path(
-    get, path = "/v1/ray-sets", tag = "ray sets", operation_id = "list_ray_sets", params(Page),
+    get, path = "/v1/ray-sets", tag = "ray sets", operation_id = "list_ray_sets", params(RaySetPage),
     responses(
         (status = 200, body = RaySetList, description = "one page"),
         (status = 422, body = Problem, content_type = "application/problem+json", description = "an unusable query"),
@@ -219,12 +219,36 @@ pub async fn upload(
 pub async fn list(
     State(api): State<Api>,
     access: Access,
-    Query(page): Query<Page>,
+    Query(page): Query<RaySetPage>,
 ) -> Result<Json<RaySetList>, Problem> {
     let limit = Page::limit(page.limit)?;
-    let rows = ray_sets::list(&api.storage.records, &access.tenant, page.after.as_deref(), limit as i64 + 1).await?;
+    let (name, sha256) = (page.name.as_deref(), page.sha256.map(|digest| digest.to_ascii_lowercase()));
+    if sha256.as_ref().is_some_and(|digest| digest.len() != 64 || !digest.bytes().all(|b| b.is_ascii_hexdigit())) {
+        return Err(Problem::out_of_range("sha256", "64 hexadecimal digits"));
+    }
+    let wanted = ray_sets::Wanted { name, sha256: sha256.as_deref() };
+    let (records, after) = (&api.storage.records, page.after.as_deref());
+    let rows = ray_sets::list(records, &access.tenant, wanted, after, limit as i64 + 1).await?;
     let (rows, next) = cut(rows, limit, |row| &row.id);
     Ok(Json(RaySetList { ray_sets: rows.into_iter().map(RaySet::listed).collect(), next }))
+}
+
+/// A page of the list of ray sets.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct RaySetPage {
+    /// Only those called so.
+    name: Option<String>,
+    /// Only those of these bytes: is the file here already?
+    #[param(pattern = "^[0-9A-Fa-f]{64}$")]
+    sha256: Option<String>,
+    /// Most entries to answer.
+    #[param(minimum = 1, maximum = 100, default = 20)]
+    #[serde(default = "Page::default_limit")]
+    limit: u32,
+    /// The `next` of the page before.
+    after: Option<String>,
 }
 
 /// Tells of a ray set

@@ -1,6 +1,7 @@
 //! What a source is made of, as sent and as stored: ray sets, and what a client says of each. The pipeline says what can be
 //! one source, here before anything is queued.
 
+use super::Priority;
 use super::options::JobOptions;
 use crate::pipeline::{self, Error, FluxOverride, Place, Quantity, Table};
 use serde::{Deserialize, Serialize};
@@ -19,6 +20,23 @@ pub struct NewJob {
     /// What to choose; what is left out is chosen from the rays.
     #[serde(default)]
     pub options: JobOptions,
+    /// Before which of the tenant's other waiting jobs it comes. Tenants take turns whatever it is.
+    #[serde(default)]
+    #[schema(default = "normal")]
+    pub priority: Priority,
+    /// Longest that an attempt may take, s. Default: the service's own, which is also the most.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 1)]
+    pub timeout_s: Option<u32>,
+    /// Answer with an equal job of the tenant where there is one: same files, names, declarations, options and version of the
+    /// service; waiting, running or succeeded. Default: true.
+    #[serde(default = "yes")]
+    #[schema(default = true)]
+    pub reuse: bool,
+}
+
+fn yes() -> bool {
+    true
 }
 
 /// One ray set of a source, and what goes before its file's own word. What is left out is taken from the file.
@@ -135,7 +153,14 @@ pub enum TotalFlux {
 impl NewJob {
     /// A job of one ray set of which nothing is said, with default options.
     pub fn of(ray_set: &str) -> NewJob {
-        NewJob { channels: vec![Channel::of(ray_set)], total: None, options: JobOptions::default() }
+        NewJob {
+            channels: vec![Channel::of(ray_set)],
+            total: None,
+            options: JobOptions::default(),
+            priority: Priority::default(),
+            timeout_s: None,
+            reuse: true,
+        }
     }
 }
 

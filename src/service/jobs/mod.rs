@@ -6,14 +6,23 @@ pub mod options;
 pub mod channels;
 /// What is known of jobs; changes nothing.
 pub mod query;
+/// What is known of a job before it is queued.
+pub mod prospect;
+/// Memory for what one process computes.
+pub mod memory;
 /// Every change of a job's state.
 pub mod queue;
+/// How a job comes into the queue.
+pub mod submit;
+/// Who is next.
+mod claim;
 /// Takes jobs from the queue and computes them.
 pub mod worker;
 
 use crate::pipeline;
-use pipeline::{Fault, Notice};
+use pipeline::{Fault, Notice, Stage};
 use serde::{Deserialize, Serialize};
+use std::time::Duration;
 
 /// Where a job is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -29,6 +38,38 @@ pub enum State {
     Failed,
     /// Nobody wants it any more.
     Cancelled,
+}
+
+/// Before which of its tenant's other jobs a job comes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Priority {
+    /// Before all others.
+    High,
+    /// By age.
+    #[default]
+    Normal,
+    /// After all others.
+    Low,
+}
+
+impl Priority {
+    /// All, the most urgent first.
+    pub const ALL: [Priority; 3] = [Priority::High, Priority::Normal, Priority::Low];
+
+    /// As rows have it: the less, the sooner.
+    pub fn number(self) -> i64 {
+        match self {
+            Priority::High => 0,
+            Priority::Normal => 1,
+            Priority::Low => 2,
+        }
+    }
+
+    /// Reads what [`Priority::number`] writes.
+    pub fn from_number(number: i64) -> Option<Priority> {
+        Priority::ALL.into_iter().find(|priority| priority.number() == number)
+    }
 }
 
 /// The only legal changes, and who makes them. `queue` has a statement for each.
@@ -107,6 +148,23 @@ impl Failure {
             detail: format!("It stopped with: {message}"),
             at: None,
             remedy: Some("Report it, with this ray set if it can be shared.".into()),
+        }
+    }
+
+    /// An attempt took longer than it may.
+    pub fn timed_out(longest: Duration, stage: Option<Stage>) -> Failure {
+        let stage =
+            stage.map_or("before its first stage".to_owned(), |stage| format!("in the stage {:?}", stage.name()));
+        Failure {
+            code: "job.timeout".into(),
+            title: "The job took too long".into(),
+            detail: format!("It was stopped {stage} after {} s, the longest that it may take.", longest.as_secs_f64()),
+            at: Some("timeout_s".into()),
+            remedy: Some(
+                "Give it a larger timeout_s, up to the service's own; send fewer rays, or choose a lower hull.resolution, \
+                 fewer zones or fewer bands; or ask the operator for more: serve --job-timeout."
+                    .into(),
+            ),
         }
     }
 

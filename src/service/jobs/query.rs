@@ -4,10 +4,13 @@ use super::super::storage::Error;
 use super::super::storage::records::{Records, Row, sql};
 use super::channels::{Channel, TotalFlux};
 use super::options::JobOptions;
-use super::{Failure, State, StoredNotice};
+use super::{Failure, Priority, State, StoredNotice};
 use crate::pipeline::Stage;
 use std::collections::BTreeMap;
 use std::time::Duration;
+
+/// Ended jobs that an estimate is made from.
+const LATEST: i64 = 21;
 
 /// A job as its rows have it.
 #[derive(Clone, Debug)]
@@ -30,7 +33,13 @@ pub struct Job {
     pub stage: Option<Stage>,
     /// How much of that stage is done, 0..=1.
     pub stage_progress: f64,
-    /// Place in the queue from 1, while queued.
+    /// Before which of its tenant's other jobs it comes.
+    pub priority: Priority,
+    /// Longest attempt that the client asked for, s.
+    pub timeout_s: Option<u32>,
+    /// Most memory that computing it is expected to need, bytes.
+    pub memory_bytes: u64,
+    /// Place in its tenant's line from 1, while queued.
     pub queue_position: Option<u64>,
     /// Why it failed, if so.
     pub failure: Option<Failure>,
@@ -59,12 +68,50 @@ pub struct StoredArtifact {
     pub blob: String,
 }
 
-const SELECT_ONE: &str = "SELECT jobs.*, \
-    (SELECT COUNT(*) FROM jobs ahead WHERE ahead.state = 'queued' AND ahead.id <= jobs.id) AS position \
-    FROM jobs WHERE tenant = $1 AND id = $2";
-const SELECT_MANY: &str = "SELECT jobs.*, \
-    (SELECT COUNT(*) FROM jobs ahead WHERE ahead.state = 'queued' AND ahead.id <= jobs.id) AS position \
-    FROM jobs WHERE tenant = $1 AND ($2 IS NULL OR state = $2) AND ($3 IS NULL OR id < $3) ORDER BY id DESC LIMIT $4";
+/// Jobs with their places in their own tenant's line, which is by priority, then age.
+macro_rules! jobs {
+    ($($rest:literal),+) => {
+        concat!(
+            "SELECT jobs.*, CASE WHEN jobs.state = 'queued' THEN (SELECT COUNT(*) FROM jobs ahead \
+             WHERE ahead.tenant = jobs.tenant AND ahead.state = 'queued' \
+             AND (ahead.priority, ahead.id) <= (jobs.priority, jobs.id)) END AS place FROM jobs WHERE jobs.tenant = $1 ",
+            $($rest),+
+        )
+    };
+}
+
+/// One page of those that satisfy $2 to $6; the index that finds them is chosen by what stands before.
+macro_rules! page {
+    ($found:literal) => {
+        jobs!(
+            $found,
+            "AND ($2 IS NULL OR jobs.id < $2) AND ($3 = -1 OR jobs.priority = $3) AND ($4 = -1 OR jobs.created_ms > $4) \
+             AND ($5 = -1 OR jobs.created_ms < $5) ORDER BY jobs.id DESC LIMIT $6"
+        )
+    };
+}
+
+const SELECT_ONE: &str = jobs!("AND jobs.id = $2");
+const ALL: &str = page!("");
+const IN_STATE: &str = page!("AND jobs.state = $7 ");
+const OF_RAY_SET: &str = page!("AND jobs.id IN (SELECT job_id FROM job_inputs WHERE ray_set_id = $7) ");
+const OF_RAY_SET_IN_STATE: &str =
+    page!("AND jobs.id IN (SELECT job_id FROM job_inputs WHERE ray_set_id = $7) AND jobs.state = $8 ");
+
+/// Which jobs of a tenant are meant; all where nothing is said.
+#[derive(Clone, Debug, Default)]
+pub struct Filter {
+    /// In one of these states; any where there is none.
+    pub states: Vec<State>,
+    /// With this ray set among its channels.
+    pub ray_set: Option<String>,
+    /// Of this priority.
+    pub priority: Option<Priority>,
+    /// Accepted later, epoch ms.
+    pub created_after_ms: Option<i64>,
+    /// Accepted earlier, epoch ms.
+    pub created_before_ms: Option<i64>,
+}
 
 /// The job `id` of `tenant`, if there is one.
 ///
@@ -77,23 +124,70 @@ pub async fn get(records: &Records, tenant: &str, id: &str) -> Result<Option<Job
     }
 }
 
-/// At most `limit` jobs of `tenant`, older than the one called `before`, newest first; only those in `state` if given.
+/// At most `limit` jobs of `tenant`, older than the one called `before`, newest first, as far as `filter` means them.
 ///
 /// # Errors
 /// The database did not answer.
 pub async fn list(
     records: &Records,
     tenant: &str,
-    state: Option<State>,
+    filter: &Filter,
     before: Option<&str>,
     limit: i64,
 ) -> Result<Vec<Job>, Error> {
+    // -1 stands for nothing said: it is no priority and no time.
+    let select = |text: &'static str| {
+        let select = sql(text).bind(tenant).bind(before).bind(filter.priority.map_or(-1, Priority::number));
+        let select = select.bind(filter.created_after_ms.unwrap_or(-1)).bind(filter.created_before_ms.unwrap_or(-1));
+        let select = select.bind(limit);
+        filter.ray_set.as_deref().map_or(select.clone(), |ray_set| select.bind(ray_set))
+    };
+    let (any, in_state) = match filter.ray_set {
+        Some(_) => (OF_RAY_SET, OF_RAY_SET_IN_STATE),
+        None => (ALL, IN_STATE),
+    };
+    let mut rows = Vec::new();
+    if filter.states.is_empty() {
+        rows = records.read(select(any)).await?;
+    }
+    // One state's are found by an index, two states' are not.
+    for state in State::ALL.into_iter().filter(|state| filter.states.contains(state)) {
+        rows.extend(records.read(select(in_state).bind(state.name())).await?);
+    }
+    let mut named = rows.iter().map(|row| Ok((row.text("id")?, row))).collect::<Result<Vec<_>, Error>>()?;
+    named.sort_by(|(a, _), (b, _)| b.cmp(a));
+    // A job that changed its state meanwhile may be in two answers.
+    named.dedup_by(|(a, _), (b, _)| a == b);
     let mut jobs = Vec::new();
-    let select = sql(SELECT_MANY).bind(tenant).bind(state.map(State::name)).bind(before).bind(limit);
-    for row in records.read(select).await? {
-        jobs.push(job(records, &row).await?);
+    for (_, row) in named.into_iter().take(usize::try_from(limit).unwrap_or(0)) {
+        jobs.push(job(records, row).await?);
     }
     Ok(jobs)
+}
+
+/// Waiting jobs of `tenant` that come before a new one of this priority.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn ahead(records: &Records, tenant: &str, priority: Priority) -> Result<u64, Error> {
+    let ahead = "SELECT COUNT(*) AS ahead FROM jobs WHERE tenant = $1 AND state = 'queued' AND priority <= $2";
+    let row = records.read_one(sql(ahead).bind(tenant).bind(priority.number())).await?;
+    row.map_or(Ok(0), |row| row.count("ahead"))
+}
+
+/// Seconds that a ray took in the service's latest jobs, their median; `None` while there are none.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn seconds_per_ray(records: &Records) -> Result<Option<f64>, Error> {
+    let latest = "SELECT finished_ms - started_ms AS took_ms, ray_count FROM jobs WHERE finished_ms IS NOT NULL \
+                  AND state = 'succeeded' AND ray_count > 0 ORDER BY finished_ms DESC LIMIT $1";
+    let mut each = Vec::new();
+    for row in records.read(sql(latest).bind(LATEST)).await? {
+        each.push(row.count("took_ms")? as f64 / 1000.0 / row.count("ray_count")? as f64);
+    }
+    each.sort_by(f64::total_cmp);
+    Ok(each.get(each.len() / 2).copied())
 }
 
 /// The channels of a job, in order.
@@ -154,7 +248,10 @@ async fn job(records: &Records, row: &Row) -> Result<Job, Error> {
         cancel_requested: row.number("cancel_requested")? != 0,
         stage: stage.and_then(|name| Stage::ALL.into_iter().find(|stage| stage.name() == name)),
         stage_progress: row.real("stage_progress")?,
-        queue_position: (state == State::Queued).then(|| row.count("position")).transpose()?,
+        priority: Priority::from_number(row.number("priority")?).unwrap_or_default(),
+        timeout_s: row.optional_number("timeout_ms")?.and_then(|ms| u32::try_from(ms / 1000).ok()),
+        memory_bytes: row.count("memory_bytes")?,
+        queue_position: row.optional_number("place")?.map(|place| place.max(0).unsigned_abs()),
         failure: failure.as_deref().map(stored).transpose()?,
         notices: stored(&row.text("notices")?)?,
         created_ms: row.number("created_ms")?,

@@ -1,4 +1,4 @@
-//! Every change of a job's state, one statement each. At least once begun, exactly once published: a worker's write names
+//! Every change of a job's state, one statement each; the first two are in `submit.rs` and `claim.rs`. At least once begun, exactly once published: a worker's write names
 //! the fence its claim gave it, and zero rows changed means that the lease was lost and the result is nobody's.
 
 use super::super::access::quota::{Exceeded, Quota};
@@ -6,9 +6,13 @@ use super::super::crash;
 use super::super::metrics::Metrics;
 use super::super::storage::records::sql;
 use super::super::storage::{self, Storage, job_folder, new_id};
-use super::channels::{Channel, NewJob};
+use super::channels::NewJob;
+use super::memory::{Held, Memory, TooLarge};
+use super::prospect::{Prospect, prospect};
 use super::query::{self, StoredArtifact};
 use super::{Failure, State, StoredNotice};
+use crate::pipeline;
+use sha2::{Digest, Sha256};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::Notify;
@@ -34,13 +38,25 @@ pub enum Error {
     /// The tenant has too many jobs waiting, or no room for what it would give.
     #[error(transparent)]
     Quota(#[from] Exceeded),
+    /// Its options, or its channels together, cannot be meant.
+    #[error(transparent)]
+    Unfit(#[from] pipeline::Error),
+    /// It can never be begun with the memory there is.
+    #[error(transparent)]
+    TooLarge(#[from] TooLarge),
+    /// The key stands for another request.
+    #[error("the key {0:?} was used for another request")]
+    KeyReused(String),
+    /// The job that the key made was deleted.
+    #[error("the job of the key {0:?} was deleted")]
+    KeySpent(String),
     /// A store did not answer.
     #[error(transparent)]
     Storage(#[from] storage::Error),
 }
 
 /// A job taken by this worker, until its lease ends.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Claim {
     /// The job.
     pub id: String,
@@ -52,6 +68,10 @@ pub struct Claim {
     pub attempt: i64,
     /// The client's choice, as stored.
     pub options: String,
+    /// Longest that this attempt may take.
+    pub timeout: Duration,
+    /// Its memory.
+    pub held: Held,
 }
 
 impl Claim {
@@ -75,16 +95,19 @@ pub enum Beat {
 /// The queue as one process sees it. Cheap to clone.
 #[derive(Clone)]
 pub struct Queue {
-    storage: Storage,
+    pub(super) storage: Storage,
     /// This process, by a name fresh per start: one that comes back would make a dead worker look alive.
     process: String,
     /// Who claims here: a slot of this process, which has one job at a time.
-    owner: String,
-    lease_ms: i64,
-    max_attempts: u32,
-    quota: Quota,
+    pub(super) owner: String,
+    pub(super) lease_ms: i64,
+    pub(super) max_attempts: u32,
+    pub(super) quota: Quota,
+    pub(super) memory: Memory,
+    pub(super) longest: Duration,
+    threads: usize,
     metrics: Metrics,
-    wake: Arc<Notify>,
+    pub(super) wake: Arc<Notify>,
 }
 
 impl Queue {
@@ -93,6 +116,7 @@ impl Queue {
         let lease_ms = i64::try_from(lease.as_millis()).unwrap_or(i64::MAX);
         let process = new_id();
         let owner = format!("{process}.0");
+        let metrics = Metrics::new();
         Queue {
             storage,
             process,
@@ -100,7 +124,10 @@ impl Queue {
             lease_ms,
             max_attempts,
             quota: Quota::default(),
-            metrics: Metrics::new(),
+            memory: Memory::new(u64::MAX, metrics.clone()),
+            longest: Duration::MAX,
+            threads: 1,
+            metrics,
             wake: Arc::new(Notify::new()),
         }
     }
@@ -109,6 +136,36 @@ impl Queue {
     #[must_use]
     pub fn bounded(self, quota: Quota, metrics: Metrics) -> Queue {
         Queue { quota, metrics, ..self }
+    }
+
+    /// The same queue, of which this process computes what fits its `memory`, each job on `threads` threads, and no attempt
+    /// for longer than `longest`.
+    #[must_use]
+    pub fn within(self, memory: Memory, threads: usize, longest: Duration) -> Queue {
+        Queue { memory, threads, longest, ..self }
+    }
+
+    /// What a job of `tenant` will be.
+    ///
+    /// # Errors
+    /// As [`prospect`].
+    pub async fn prospect(&self, tenant: &str, new: &NewJob) -> Result<Prospect, Error> {
+        prospect(&self.storage.records, tenant, new, self.threads).await
+    }
+
+    /// What this process's jobs may need together.
+    pub fn memory(&self) -> &Memory {
+        &self.memory
+    }
+
+    /// Longest that an attempt may take.
+    pub fn longest(&self) -> Duration {
+        self.longest
+    }
+
+    /// A slot of this process that waits may look again.
+    pub fn nudge(&self) {
+        self.wake.notify_one();
     }
 
     /// The queue as slot `slot` of this process sees it. A slot asks for a job only when it has none.
@@ -120,86 +177,6 @@ impl Queue {
     /// Resolves when a job may be ready in this process; another process's are found by polling.
     pub async fn woken(&self) {
         self.wake.notified().await;
-    }
-
-    /// Accepts a job of `tenant`: from here on it will be done, whatever happens to this process.
-    ///
-    /// # Errors
-    /// [`Error::MissingRaySet`], [`Error::MissingSpectrum`], [`Error::Quota`], [`Error::Storage`].
-    pub async fn enqueue(&self, tenant: &str, new: &NewJob) -> Result<String, Error> {
-        let id = new_id();
-        let mut transaction = self.storage.records.begin().await?;
-        self.quota.admit_job(&mut transaction, tenant).await??;
-        let insert = "INSERT INTO jobs (tenant, id, state, options, attempt, max_attempts, fence, cancel_requested, \
-                      stage_progress, notices, created_ms, total) \
-                      VALUES ($1, $2, 'queued', $3, 0, $4, 0, 0, 0, '[]', {now}, $5)";
-        let insert = sql(insert).bind(tenant).bind(id.as_str()).bind(json(&new.options)?);
-        let insert = insert.bind(i64::from(self.max_attempts));
-        let total = new.total.as_ref().map(json).transpose()?;
-        let insert = insert.bind(total.as_deref());
-        transaction.write(insert).await?;
-        for (position, channel) in new.channels.iter().enumerate() {
-            let insert = "INSERT INTO job_inputs (job_id, position, ray_set_id, declared, spectrum_id) \
-                          SELECT $1, $2, id, $3, $4 FROM ray_sets WHERE id = $5 AND tenant = $6 {for_share}";
-            let insert = sql(insert).bind(id.as_str()).bind(position as i64).bind(declared(channel)?);
-            let insert = insert.bind(channel.spectrum_id()).bind(channel.ray_set.as_str()).bind(tenant);
-            if transaction.write(insert).await? == 0 {
-                return Err(Error::MissingRaySet(channel.ray_set.clone()));
-            }
-            if let Some(spectrum) = channel.spectrum_id()
-                && transaction
-                    .read(
-                        sql("SELECT id FROM spectra WHERE tenant = $1 AND id = $2 {for_share}")
-                            .bind(tenant)
-                            .bind(spectrum),
-                    )
-                    .await?
-                    .is_empty()
-            {
-                return Err(Error::MissingSpectrum(spectrum.to_owned()));
-            }
-        }
-        crash::point("submit.before_commit");
-        transaction.commit().await?;
-        crash::point("submit.committed");
-        self.wake.notify_one();
-        Ok(id)
-    }
-
-    /// Takes the oldest waiting job that need not wait longer and whose tenant may run one more, after giving back what lost workers held.
-    ///
-    /// # Errors
-    /// The database did not answer.
-    pub async fn claim(&self) -> Result<Option<Claim>, storage::Error> {
-        self.sweep().await?;
-        let claim = "UPDATE jobs SET state = 'running', attempt = attempt + 1, fence = fence + 1, lease_owner = $1, \
-                     lease_until_ms = {now} + $2, stage = NULL, stage_progress = 0, started_ms = {now} \
-                     WHERE id = (SELECT id FROM jobs WHERE state = 'queued' AND COALESCE(lease_until_ms, 0) <= {now} \
-                     AND tenant NOT IN (SELECT id FROM tenants WHERE running_jobs = 0 UNION ALL \
-                     SELECT run.tenant FROM jobs run LEFT JOIN tenants ON tenants.id = run.tenant \
-                     WHERE run.state = 'running' GROUP BY run.tenant \
-                     HAVING COUNT(*) >= MIN(COALESCE(tenants.running_jobs, $3))) \
-                     ORDER BY id LIMIT 1 {skip_locked}) \
-                     RETURNING id, tenant, fence, attempt, options";
-        let claim = sql(claim).bind(self.owner.as_str()).bind(self.lease_ms);
-        let claim = claim.bind(i64::try_from(self.quota.running_jobs).unwrap_or(i64::MAX));
-        let mut transaction = self.storage.records.begin().await?;
-        let rows = transaction.read(claim).await?;
-        let Some(row) = rows.first() else { return Ok(None) };
-        let tenant = row.text("tenant")?;
-        // Another process may have begun a job of this tenant since that was looked at: then this one waits.
-        if !self.quota.admits_run(&mut transaction, &tenant).await? {
-            return Ok(None);
-        }
-        transaction.commit().await?;
-        crash::point("claim.committed");
-        Ok(Some(Claim {
-            id: row.text("id")?,
-            tenant,
-            fence: row.number("fence")?,
-            attempt: row.number("attempt")?,
-            options: row.text("options")?,
-        }))
     }
 
     /// Renews the lease, tells of progress, hears of a cancellation.
@@ -272,22 +249,29 @@ impl Queue {
     }
 
     /// Puts a running job back for a later attempt: a store did not answer, the job is not at fault. Nobody takes it before
-    /// its back-off is over, a third of a lease after the first attempt and twice as long after each next. False when it
-    /// had its last attempt, or the lease was lost.
+    /// its [`Queue::back_off_ms`] is over. False when it had its last attempt, or the lease was lost.
     ///
     /// # Errors
     /// The database did not answer.
     pub async fn retry(&self, claim: &Claim) -> Result<bool, storage::Error> {
-        let doublings = u32::try_from(claim.attempt - 1).unwrap_or(0).min(MAX_DOUBLINGS);
-        let wait_ms = (self.lease_ms / 3).saturating_mul(1 << doublings);
         let retry = "UPDATE jobs SET state = CASE WHEN cancel_requested = 1 THEN 'cancelled' ELSE 'queued' END, \
                      finished_ms = CASE WHEN cancel_requested = 1 THEN {now} END, \
                      lease_until_ms = CASE WHEN cancel_requested = 0 THEN {now} + $1 END, \
                      lease_owner = NULL, stage = NULL, stage_progress = 0 \
                      WHERE id = $2 AND fence = $3 AND state = 'running' \
                      AND (attempt < max_attempts OR cancel_requested = 1)";
-        let retry = sql(retry).bind(wait_ms).bind(claim.id.as_str()).bind(claim.fence);
+        let retry = sql(retry).bind(self.back_off_ms(claim)).bind(claim.id.as_str()).bind(claim.fence);
         Ok(self.storage.records.write(retry).await? > 0)
+    }
+
+    /// A third of a lease after the first attempt, twice as long after each next, and up to half as much again: what fell
+    /// together does not come back together. How much is the job's and the attempt's own, so that nothing random is needed.
+    fn back_off_ms(&self, claim: &Claim) -> i64 {
+        let doublings = u32::try_from(claim.attempt - 1).unwrap_or(0).min(MAX_DOUBLINGS);
+        let least_ms = (self.lease_ms / 3).saturating_mul(1 << doublings);
+        let digest = Sha256::digest(format!("{} {}", claim.id, claim.attempt));
+        let share = digest.iter().take(2).fold(0, |share, byte| share << 8 | i64::from(*byte));
+        least_ms.saturating_add(least_ms / 2 * share / (1 << 16))
     }
 
     /// Ends a running job that a client asked to cancel.
@@ -333,8 +317,18 @@ impl Queue {
     /// # Errors
     /// [`Error::Missing`]; [`Error::State`] when it has not ended; [`Error::Storage`].
     pub async fn delete(&self, tenant: &str, id: &str) -> Result<(), Error> {
-        let delete = "DELETE FROM jobs WHERE tenant = $1 AND id = $2 AND state IN ('succeeded', 'failed', 'cancelled')";
-        if self.storage.records.write(sql(delete).bind(tenant).bind(id)).await? == 0 {
+        self.delete_unused(tenant, id, Duration::ZERO).await
+    }
+
+    /// The same, unless somebody asked for its result again within `age`.
+    ///
+    /// # Errors
+    /// As [`Queue::delete`]; [`Error::State`] when it was used.
+    pub async fn delete_unused(&self, tenant: &str, id: &str, age: Duration) -> Result<(), Error> {
+        let delete = "DELETE FROM jobs WHERE tenant = $1 AND id = $2 AND state IN ('succeeded', 'failed', 'cancelled') \
+                      AND ($3 = 0 OR COALESCE(used_ms, 0) <= {now} - $3)";
+        let age_ms = i64::try_from(age.as_millis()).unwrap_or(i64::MAX);
+        if self.storage.records.write(sql(delete).bind(tenant).bind(id).bind(age_ms)).await? == 0 {
             return Err(self.refusal(tenant, id).await?);
         }
         Ok(self.storage.blobs.delete_all(&job_folder(id)).await?)
@@ -356,7 +350,7 @@ impl Queue {
 
     /// Takes back jobs whose lease has ended; never those of this process, whose worker may only have been slow to beat. And
     /// those of this slot, which has none: their claim was made, and its answer lost with the connection.
-    async fn sweep(&self) -> Result<(), storage::Error> {
+    pub(super) async fn sweep(&self) -> Result<(), storage::Error> {
         let sweep = "UPDATE jobs SET \
                      state = CASE WHEN cancel_requested = 1 THEN 'cancelled' WHEN attempt >= max_attempts \
                              THEN 'failed' ELSE 'queued' END, \
@@ -375,15 +369,10 @@ impl Queue {
     }
 }
 
-/// What was declared of a channel, as its row has it: the ray set is a column of its own.
-fn declared(channel: &Channel) -> Result<String, storage::Error> {
-    let mut declared = serde_json::to_value(channel).map_err(|error| storage::Error::Records(Box::new(error)))?;
-    if let Some(fields) = declared.as_object_mut() {
-        fields.remove("ray_set");
-    }
-    json(&declared)
-}
-
-fn json<T: serde::Serialize + ?Sized>(value: &T) -> Result<String, storage::Error> {
+/// A value as its row has it.
+///
+/// # Errors
+/// Never in practice: keys are text.
+pub(super) fn json<T: serde::Serialize + ?Sized>(value: &T) -> Result<String, storage::Error> {
     serde_json::to_string(value).map_err(|error| storage::Error::Records(Box::new(error)))
 }

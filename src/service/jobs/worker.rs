@@ -91,6 +91,8 @@ enum Order {
     Cancel,
     Release,
     Lost,
+    /// Took too long, in this stage.
+    Timeout(Option<Stage>),
 }
 
 impl Worker {
@@ -115,6 +117,9 @@ impl Worker {
                 Ok(Some(claim)) => {
                     let span = tracing::info_span!("job", id = claim.id, attempt = claim.attempt);
                     self.attempt(&claim, Arc::clone(&pool)).instrument(span).await;
+                    drop(claim);
+                    // What it held may be what another slot waits for.
+                    self.queue.nudge();
                     continue;
                 }
                 Ok(None) => {}
@@ -146,6 +151,11 @@ impl Worker {
             (Ending::Stopped, Order::Release) => {
                 self.insist("release", || self.queue.release(claim)).await;
                 "released"
+            }
+            (Ending::Stopped, Order::Timeout(stage)) => {
+                let failure = Failure::timed_out(claim.timeout, stage);
+                self.insist("fail", || self.queue.fail(claim, &failure)).await;
+                "timed out"
             }
             (Ending::Published(artifacts, notices), _) => self.finish(claim, artifacts, notices).await,
             (Ending::Failed(failure), _) => {
@@ -185,13 +195,16 @@ impl Worker {
 
     /// Waits for `work`, renewing the lease and passing on what the clients and the operator want.
     async fn mind(&self, claim: &Claim, progress: &Progress, work: impl Future<Output = Ending>) -> (Ending, Order) {
-        let mut order = Order::None;
+        let (mut order, begun) = (Order::None, Instant::now());
         let mut ticker = interval(self.beat);
         ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let mut work = std::pin::pin!(work);
         loop {
             tokio::select! {
                 ending = &mut work => return (ending, order),
+                () = sleep(claim.timeout.saturating_sub(begun.elapsed())), if order == Order::None => {
+                    order = Order::Timeout(progress.read().0);
+                }
                 () = self.release.cancelled(), if order == Order::None => order = Order::Release,
                 _ = ticker.tick() => {
                     let (stage, fraction) = progress.read();

@@ -137,13 +137,45 @@ pub async fn get(records: &Records, tenant: &str, id: &str) -> Result<Option<Ray
     row.as_ref().map(ray_set).transpose()
 }
 
-/// At most `limit` ray sets of `tenant`, older than the one called `before`, newest first.
+/// Which ray sets of a tenant are meant; all where nothing is said.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Wanted<'a> {
+    /// Called so.
+    pub name: Option<&'a str>,
+    /// Of these bytes: their SHA-256, lower-case hex.
+    pub sha256: Option<&'a str>,
+}
+
+/// One page; the index that finds it is chosen by what stands before.
+macro_rules! page {
+    ($found:literal) => {
+        concat!(
+            "SELECT * FROM ray_sets WHERE tenant = $1 AND ($2 IS NULL OR id < $2) ",
+            $found,
+            "ORDER BY id DESC LIMIT $3"
+        )
+    };
+}
+
+/// At most `limit` ray sets of `tenant` that are `wanted`, older than the one called `before`, newest first.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn list(records: &Records, tenant: &str, before: Option<&str>, limit: i64) -> Result<Vec<RaySet>, Error> {
-    let select = "SELECT * FROM ray_sets WHERE tenant = $1 AND ($2 IS NULL OR id < $2) ORDER BY id DESC LIMIT $3";
-    records.read(sql(select).bind(tenant).bind(before).bind(limit)).await?.iter().map(ray_set).collect()
+pub async fn list(
+    records: &Records,
+    tenant: &str,
+    wanted: Wanted<'_>,
+    before: Option<&str>,
+    limit: i64,
+) -> Result<Vec<RaySet>, Error> {
+    let select = |text| sql(text).bind(tenant).bind(before).bind(limit);
+    let select = match (wanted.sha256, wanted.name) {
+        (None, None) => select(page!("")),
+        (None, Some(name)) => select(page!("AND name = $4 ")).bind(name),
+        (Some(sha256), None) => select(page!("AND sha256 = $4 ")).bind(sha256),
+        (Some(sha256), Some(name)) => select(page!("AND sha256 = $4 AND name = $5 ")).bind(sha256).bind(name),
+    };
+    records.read(select).await?.iter().map(ray_set).collect()
 }
 
 /// The parts of a ray set, in order.

@@ -1,0 +1,104 @@
+//! Who is next. Tenants take turns: the one with the fewest jobs running, of these the one that was served longest ago; its line
+//! is by priority, then age. Where that job does not fit beside what this process computes, the slot waits for it: smaller
+//! ones do not pass it, so that it is begun at last. Jobs that never fit this process are left to others.
+
+use super::super::crash;
+use super::super::storage::{self, records::Statement, records::sql};
+use super::queue::{Claim, Queue};
+use std::time::Duration;
+use tokio::time::sleep;
+
+/// How often, and after which pause, a slot looks again while others are at the tenant whose turn it is.
+const LOOKS: u32 = 20;
+const PAUSE: Duration = Duration::from_millis(5);
+
+/// The tenant whose turn it is: $1 is the memory of this process, $2 how many jobs a tenant without a quota of its own may run.
+macro_rules! fair {
+    ($before:literal, $after:literal) => {
+        concat!(
+            $before,
+            "SELECT fair.id FROM tenants fair WHERE EXISTS (SELECT 1 FROM jobs WHERE jobs.tenant = fair.id \
+             AND jobs.state = 'queued' AND COALESCE(jobs.lease_until_ms, 0) <= {now} AND jobs.memory_bytes <= $1) \
+             AND (SELECT COUNT(*) FROM jobs WHERE jobs.tenant = fair.id AND jobs.state = 'running') \
+             < COALESCE(fair.running_jobs, $2) \
+             ORDER BY (SELECT COUNT(*) FROM jobs WHERE jobs.tenant = fair.id AND jobs.state = 'running'), \
+             fair.served_ms, fair.id LIMIT 1",
+            $after
+        )
+    };
+}
+
+/// Holds the tenant's row: nobody else begins a job of this tenant before this transaction ends.
+const SERVE: &str = fair!(
+    "UPDATE tenants SET served_ms = {now} WHERE id = (",
+    " {skip_locked}) RETURNING id, COALESCE(running_jobs, $2) AS running_jobs"
+);
+const LOOK: &str = fair!("", "");
+
+/// What came of one try.
+enum Tried {
+    Taken(Claim),
+    /// Nothing fits now.
+    Full,
+    /// Others were at it.
+    Busy,
+}
+
+impl Queue {
+    /// Takes the job that is next, after giving back what lost workers held; `None` when there is none for this process now.
+    ///
+    /// # Errors
+    /// The database did not answer.
+    pub async fn claim(&self) -> Result<Option<Claim>, storage::Error> {
+        self.sweep().await?;
+        let _turn = self.memory.turn().await;
+        for _ in 0..LOOKS {
+            if self.storage.records.read_one(self.fair(LOOK)).await?.is_none() {
+                return Ok(None);
+            }
+            match self.try_claim().await? {
+                Tried::Taken(claim) => return Ok(Some(claim)),
+                Tried::Full => return Ok(None),
+                Tried::Busy => sleep(PAUSE).await,
+            }
+        }
+        Ok(None)
+    }
+
+    fn fair(&self, text: &'static str) -> Statement {
+        let most = i64::try_from(self.quota.running_jobs).unwrap_or(i64::MAX);
+        sql(text).bind(i64::try_from(self.memory.limit_bytes()).unwrap_or(i64::MAX)).bind(most)
+    }
+
+    async fn try_claim(&self) -> Result<Tried, storage::Error> {
+        let mut transaction = self.storage.records.begin().await?;
+        let rows = transaction.read(self.fair(SERVE)).await?;
+        let Some(served) = rows.first() else { return Ok(Tried::Busy) };
+        let (tenant, most) = (served.text("id")?, served.number("running_jobs")?);
+        // Another process may have begun a job of this tenant since that was looked at: counted again, with its row at hand.
+        let take = "UPDATE jobs SET state = 'running', attempt = attempt + 1, fence = fence + 1, lease_owner = $1, \
+                    lease_until_ms = {now} + $2, stage = NULL, stage_progress = 0, started_ms = {now} \
+                    WHERE id = (SELECT id FROM jobs WHERE tenant = $3 AND state = 'queued' \
+                    AND COALESCE(lease_until_ms, 0) <= {now} AND memory_bytes <= $4 \
+                    AND (SELECT COUNT(*) FROM jobs run WHERE run.tenant = $3 AND run.state = 'running') < $5 \
+                    ORDER BY priority, id LIMIT 1 {skip_locked}) \
+                    RETURNING id, fence, attempt, options, memory_bytes, timeout_ms";
+        let take = sql(take).bind(self.owner.as_str()).bind(self.lease_ms).bind(tenant.as_str());
+        let take = take.bind(i64::try_from(self.memory.limit_bytes()).unwrap_or(i64::MAX)).bind(most);
+        let rows = transaction.read(take).await?;
+        let Some(row) = rows.first() else { return Ok(Tried::Busy) };
+        let Some(held) = self.memory.hold(row.count("memory_bytes")?) else { return Ok(Tried::Full) };
+        transaction.commit().await?;
+        crash::point("claim.committed");
+        let timeout_ms = row.optional_number("timeout_ms")?.map(|ms| Duration::from_millis(ms.max(0).unsigned_abs()));
+        Ok(Tried::Taken(Claim {
+            id: row.text("id")?,
+            tenant,
+            fence: row.number("fence")?,
+            attempt: row.number("attempt")?,
+            options: row.text("options")?,
+            timeout: timeout_ms.unwrap_or(self.longest).min(self.longest),
+            held,
+        }))
+    }
+}

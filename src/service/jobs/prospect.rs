@@ -1,0 +1,102 @@
+//! What is known of a job before it is queued: whether its channels can be one source, what it will need, and what its
+//! artifacts will follow from.
+
+use super::super::storage::records::Records;
+use super::super::storage::{self, ray_sets, spectra};
+use super::channels::{Channel, NewJob, TotalFlux};
+use super::queue::Error;
+use super::worker::hex;
+use crate::pipeline::{self, Claims, Declared};
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+
+/// What a job will be, as the headers of its files tell.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Prospect {
+    /// Rays of all channels together.
+    pub ray_count: u64,
+    /// Bytes of their files.
+    pub byte_count: u64,
+    /// Most memory that computing it is expected to need, bytes.
+    pub memory_bytes: u64,
+    /// SHA-256 of everything its artifacts follow from, lower-case hex: equal for jobs that give the same bytes.
+    pub content_sha256: Option<String>,
+}
+
+/// Everything that artifacts follow from, in one form.
+#[derive(Serialize)]
+struct Content<'a> {
+    version: &'a str,
+    channels: Vec<File<'a>>,
+    options: &'a pipeline::Options,
+}
+
+/// A channel: the bytes of its file, the name that the artifacts tell, and what holds of it (the channel's word, else the
+/// file's), the points of its spectrum included.
+#[derive(Serialize)]
+struct File<'a> {
+    sha256: &'a str,
+    name: &'a str,
+    declared: &'a Declared,
+}
+
+struct Known {
+    ray_set: ray_sets::RaySet,
+    claims: Claims,
+    declared: Declared,
+}
+
+/// Judges a job that `tenant` wants, computed on `threads` threads.
+///
+/// # Errors
+/// [`Error::MissingRaySet`], [`Error::MissingSpectrum`], [`Error::Unfit`], [`Error::Storage`].
+pub async fn prospect(records: &Records, tenant: &str, new: &NewJob, threads: usize) -> Result<Prospect, Error> {
+    let mut options = new.options.resolve()?;
+    options.rays.total = new.total.map(TotalFlux::total);
+    let mut known = Vec::new();
+    for (index, channel) in new.channels.iter().enumerate() {
+        known.push(look_up(records, tenant, index, channel).await?);
+    }
+    let name = |known: &Known| known.declared.name.clone().unwrap_or_else(|| known.ray_set.name.clone());
+    let names: Vec<String> = known.iter().map(name).collect();
+    let files: Vec<_> = known
+        .iter()
+        .zip(&names)
+        .map(|(known, name)| (name.as_str(), known.ray_set.sha256.as_str(), &known.claims, &known.declared))
+        .collect();
+    pipeline::judge(&files, options.rays.total)?;
+    let claims: Vec<&Claims> = known.iter().map(|known| &known.claims).collect();
+    Ok(Prospect {
+        ray_count: claims.iter().map(|claims| claims.ray_count).sum(),
+        byte_count: known.iter().map(|known| known.ray_set.byte_count).sum(),
+        memory_bytes: pipeline::memory_bytes(&claims, &options, threads),
+        content_sha256: Some(digest(&known, &options)?),
+    })
+}
+
+async fn look_up(records: &Records, tenant: &str, index: usize, channel: &Channel) -> Result<Known, Error> {
+    let ray_set = ray_sets::get(records, tenant, &channel.ray_set).await?;
+    let ray_set = ray_set.ok_or_else(|| Error::MissingRaySet(channel.ray_set.clone()))?;
+    let points = match channel.spectrum_id() {
+        Some(id) => {
+            let spectrum = spectra::get(records, tenant, id).await?;
+            Some(spectrum.ok_or_else(|| Error::MissingSpectrum(id.to_owned()))?.points()?)
+        }
+        None => None,
+    };
+    let declared = channel.clone().or(&ray_set.declared).resolve(index, points.as_deref())?;
+    let claims = serde_json::from_str(&ray_set.header).map_err(unreadable)?;
+    Ok(Known { ray_set, claims, declared })
+}
+
+fn digest<'a>(known: &'a [Known], options: &'a pipeline::Options) -> Result<String, storage::Error> {
+    let channel =
+        |Known { ray_set, declared, .. }: &'a Known| File { sha256: &ray_set.sha256, name: &ray_set.name, declared };
+    let channels = known.iter().map(channel).collect();
+    let content = Content { version: env!("CARGO_PKG_VERSION"), channels, options };
+    Ok(hex(&Sha256::digest(serde_json::to_vec(&content).map_err(unreadable)?)))
+}
+
+fn unreadable(error: serde_json::Error) -> storage::Error {
+    storage::Error::Records(Box::new(error))
+}

@@ -1,0 +1,231 @@
+//! How a job comes into the queue: once for each key, not at all where an equal one is there, else as a row and its channels.
+//! All of it in one transaction, which holds the tenant's row: two requests at once come one after the other.
+
+use super::super::crash;
+use super::super::storage::records::{Row, Statement, Transaction, sql};
+use super::super::storage::{self, new_id};
+use super::channels::{Channel, NewJob};
+use super::prospect::Prospect;
+use super::queue::{Error, Queue, json};
+use super::worker::hex;
+use sha2::{Digest, Sha256};
+use std::time::Duration;
+
+/// How long a key means the job it made.
+pub const KEY_LIFE: Duration = Duration::from_hours(24);
+
+/// A request under a key of its client's: however often it comes, it makes one job.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Keyed {
+    /// The client's word, unique within its tenant.
+    pub key: String,
+    /// SHA-256 of what was asked for, lower-case hex.
+    pub request_sha256: String,
+}
+
+impl Keyed {
+    /// `new`, asked for under `key`.
+    ///
+    /// # Errors
+    /// Never in practice: what was read can be written.
+    pub fn new(key: String, new: &NewJob) -> Result<Keyed, storage::Error> {
+        Ok(Keyed { key, request_sha256: hex(&Sha256::digest(json(new)?)) })
+    }
+}
+
+/// What came of a request.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Queued {
+    /// The job.
+    pub id: String,
+    /// It was there before.
+    pub reused: bool,
+}
+
+/// Unfinished or succeeded, and nobody wants it to end.
+const EQUAL: &str = "SELECT id FROM jobs WHERE tenant = $1 AND content_sha256 = $2 \
+                     AND state IN ('queued', 'running', 'succeeded') AND cancel_requested = 0 ORDER BY id DESC LIMIT 1";
+
+impl Queue {
+    /// What a request under this key came to before, if it came.
+    ///
+    /// # Errors
+    /// [`Error::KeyReused`] for another request, [`Error::KeySpent`] when its job was deleted, [`Error::Storage`].
+    pub async fn answered(&self, tenant: &str, keyed: &Keyed) -> Result<Option<Queued>, Error> {
+        let row = self.storage.records.read_one(find(tenant, keyed)).await?;
+        row.map(|row| told(&row, keyed)).transpose()
+    }
+
+    /// The job that `new` would be answered with, if there is one.
+    ///
+    /// # Errors
+    /// The database did not answer.
+    pub async fn equal(
+        &self,
+        tenant: &str,
+        new: &NewJob,
+        prospect: &Prospect,
+    ) -> Result<Option<String>, storage::Error> {
+        let Some(content) = prospect.content_sha256.as_deref().filter(|_| new.reuse) else { return Ok(None) };
+        let row = self.storage.records.read_one(sql(EQUAL).bind(tenant).bind(content)).await?;
+        row.map(|row| row.text("id")).transpose()
+    }
+
+    /// Accepts a job of `tenant`: from here on it will be done, whatever happens to this process.
+    ///
+    /// # Errors
+    /// [`Error::MissingRaySet`], [`Error::MissingSpectrum`], [`Error::TooLarge`], [`Error::Quota`]; as [`Queue::answered`].
+    pub async fn enqueue(
+        &self,
+        tenant: &str,
+        new: &NewJob,
+        prospect: &Prospect,
+        keyed: Option<&Keyed>,
+    ) -> Result<Queued, Error> {
+        let mut transaction = self.storage.records.begin().await?;
+        let held = self.quota.hold(&mut transaction, tenant).await?;
+        if let Some(keyed) = keyed
+            && let Some(row) = transaction.read(find(tenant, keyed)).await?.first()
+        {
+            return told(row, keyed);
+        }
+        let queued = match self.reused(&mut transaction, tenant, new, prospect).await? {
+            Some(id) => Queued { id, reused: true },
+            None => {
+                held.admit_job()?;
+                self.memory.admit(prospect.memory_bytes)?;
+                Queued { id: self.insert(&mut transaction, tenant, new, prospect).await?, reused: false }
+            }
+        };
+        if let Some(keyed) = keyed {
+            remember(&mut transaction, tenant, keyed, &queued).await?;
+        }
+        crash::point("submit.before_commit");
+        transaction.commit().await?;
+        crash::point("submit.committed");
+        self.wake.notify_one();
+        Ok(queued)
+    }
+
+    /// The job that gives, or gave, what `new` would; it is used now, and as urgent as the more urgent of the two.
+    async fn reused(
+        &self,
+        transaction: &mut Transaction,
+        tenant: &str,
+        new: &NewJob,
+        prospect: &Prospect,
+    ) -> Result<Option<String>, storage::Error> {
+        let Some(content) = prospect.content_sha256.as_deref().filter(|_| new.reuse) else { return Ok(None) };
+        let rows = transaction.read(sql(EQUAL).bind(tenant).bind(content)).await?;
+        let Some(id) = rows.first().map(|row| row.text("id")).transpose()? else { return Ok(None) };
+        // Whoever cancels or deletes it does not hold the tenant's row: it may be another's last moment.
+        let reuse = "UPDATE jobs SET used_ms = {now}, priority = CASE WHEN $1 < priority THEN $1 ELSE priority END \
+                     WHERE id = $2 AND state IN ('queued', 'running', 'succeeded') AND cancel_requested = 0";
+        let reused = transaction.write(sql(reuse).bind(new.priority.number()).bind(id.as_str())).await?;
+        Ok((reused > 0).then_some(id))
+    }
+
+    async fn insert(
+        &self,
+        transaction: &mut Transaction,
+        tenant: &str,
+        new: &NewJob,
+        prospect: &Prospect,
+    ) -> Result<String, Error> {
+        let id = new_id();
+        let insert = "INSERT INTO jobs (tenant, id, state, options, attempt, max_attempts, fence, cancel_requested, \
+                      stage_progress, notices, created_ms, total, priority, timeout_ms, memory_bytes, ray_count, \
+                      content_sha256) \
+                      VALUES ($1, $2, 'queued', $3, 0, $4, 0, 0, 0, '[]', {now}, $5, $6, NULLIF($7, -1), $8, $9, $10)";
+        let insert = sql(insert).bind(tenant).bind(id.as_str()).bind(json(&new.options)?);
+        let total = new.total.as_ref().map(json).transpose()?;
+        let insert = insert.bind(i64::from(self.max_attempts)).bind(total.as_deref());
+        // -1 stands for NULL: no job may take so long.
+        let timeout_ms = new.timeout_s.map_or(-1, |seconds| i64::from(seconds) * 1000);
+        let insert = insert.bind(new.priority.number()).bind(timeout_ms);
+        let insert = insert.bind(prospect.memory_bytes.cast_signed()).bind(prospect.ray_count.cast_signed());
+        transaction.write(insert.bind(prospect.content_sha256.as_deref())).await?;
+        for (position, channel) in new.channels.iter().enumerate() {
+            insert_channel(transaction, tenant, &id, position, channel).await?;
+        }
+        Ok(id)
+    }
+
+    /// Forgets keys that mean nothing any more; how many.
+    ///
+    /// # Errors
+    /// The database did not answer.
+    pub async fn forget_keys(&self) -> Result<u64, storage::Error> {
+        let forget = sql("DELETE FROM idempotency_keys WHERE created_ms <= {now} - $1");
+        self.storage.records.write(forget.bind(life_ms())).await
+    }
+}
+
+/// Nobody deletes the ray set or the spectrum before the job that needs it is known.
+async fn insert_channel(
+    transaction: &mut Transaction,
+    tenant: &str,
+    job: &str,
+    position: usize,
+    channel: &Channel,
+) -> Result<(), Error> {
+    let insert = "INSERT INTO job_inputs (job_id, position, ray_set_id, declared, spectrum_id) \
+                  SELECT $1, $2, id, $3, $4 FROM ray_sets WHERE id = $5 AND tenant = $6 {for_share}";
+    let insert = sql(insert).bind(job).bind(position as i64).bind(declared(channel)?);
+    let insert = insert.bind(channel.spectrum_id()).bind(channel.ray_set.as_str()).bind(tenant);
+    if transaction.write(insert).await? == 0 {
+        return Err(Error::MissingRaySet(channel.ray_set.clone()));
+    }
+    let Some(spectrum) = channel.spectrum_id() else { return Ok(()) };
+    let select = sql("SELECT id FROM spectra WHERE tenant = $1 AND id = $2 {for_share}").bind(tenant).bind(spectrum);
+    match transaction.read(select).await?.is_empty() {
+        true => Err(Error::MissingSpectrum(spectrum.to_owned())),
+        false => Ok(()),
+    }
+}
+
+/// What was declared of a channel, as its row has it: the ray set is a column of its own.
+fn declared(channel: &Channel) -> Result<String, storage::Error> {
+    let mut declared = serde_json::to_value(channel).map_err(|error| storage::Error::Records(Box::new(error)))?;
+    if let Some(fields) = declared.as_object_mut() {
+        fields.remove("ray_set");
+    }
+    json(&declared)
+}
+
+fn life_ms() -> i64 {
+    i64::try_from(KEY_LIFE.as_millis()).unwrap_or(i64::MAX)
+}
+
+fn find(tenant: &str, keyed: &Keyed) -> Statement {
+    let find = "SELECT known.request_sha256, known.job_id, known.reused, jobs.id AS present FROM idempotency_keys known \
+                LEFT JOIN jobs ON jobs.id = known.job_id \
+                WHERE known.tenant = $1 AND known.key = $2 AND known.created_ms > {now} - $3";
+    sql(find).bind(tenant).bind(keyed.key.as_str()).bind(life_ms())
+}
+
+fn told(row: &Row, keyed: &Keyed) -> Result<Queued, Error> {
+    if row.text("request_sha256")? != keyed.request_sha256 {
+        return Err(Error::KeyReused(keyed.key.clone()));
+    }
+    if row.optional_text("present")?.is_none() {
+        return Err(Error::KeySpent(keyed.key.clone()));
+    }
+    Ok(Queued { id: row.text("job_id")?, reused: row.number("reused")? != 0 })
+}
+
+/// An older key of the same name has had its time.
+async fn remember(
+    transaction: &mut Transaction,
+    tenant: &str,
+    keyed: &Keyed,
+    queued: &Queued,
+) -> Result<(), storage::Error> {
+    let insert = "INSERT INTO idempotency_keys (tenant, key, request_sha256, job_id, reused, created_ms) \
+                  VALUES ($1, $2, $3, $4, $5, {now}) ON CONFLICT (tenant, key) DO UPDATE SET \
+                  request_sha256 = excluded.request_sha256, job_id = excluded.job_id, reused = excluded.reused, \
+                  created_ms = excluded.created_ms";
+    let insert = sql(insert).bind(tenant).bind(keyed.key.as_str()).bind(keyed.request_sha256.as_str());
+    transaction.write(insert.bind(queued.id.as_str()).bind(i64::from(queued.reused))).await?;
+    Ok(())
+}
