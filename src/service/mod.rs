@@ -39,6 +39,7 @@ use api::Api;
 use axum::Router;
 use jobs::channels::NewJob;
 use jobs::queue::{self, Queue};
+use jobs::watcher::Watcher;
 use jobs::worker::{Runner, Worker, pipeline_runner};
 use metrics::Metrics;
 use std::fs::{File, TryLockError};
@@ -160,6 +161,8 @@ impl Service {
         let mut upkeep = JoinSet::new();
         upkeep.spawn(collect_garbage(storage.clone(), config.clone()));
         upkeep.spawn(retention::keep_up(storage.clone(), queue.clone(), config.retention));
+        let watcher = Watcher::new(config.watchers());
+        upkeep.spawn(watcher.clone().keep_up(storage.records.clone(), queue.changes(), config.poll));
         let listen = |error| StartError::Listen { address: config.listen, error };
         let listener = TcpListener::bind(config.listen).await.map_err(listen)?;
         let address = listener.local_addr().map_err(listen)?;
@@ -180,11 +183,18 @@ impl Service {
             true => worker.spawn(config.concurrency, config.threads)?,
             false => JoinSet::new(),
         };
-        let api = Service::api(&config, storage, queue, metrics, stop);
+        let api = Service::api(&config, storage, queue, watcher, metrics, stop);
         Ok(Service { config, api, listener, address, slots, release, _upkeep: upkeep, _lock: lock })
     }
 
-    fn api(config: &Config, storage: Storage, queue: Queue, metrics: Metrics, draining: CancellationToken) -> Api {
+    fn api(
+        config: &Config,
+        storage: Storage,
+        queue: Queue,
+        watcher: Watcher,
+        metrics: Metrics,
+        draining: CancellationToken,
+    ) -> Api {
         let (max_bytes, slowest, limits) = (config.max_upload_bytes, config.slowest, config.limits);
         let rate = RateLimit::new(config.rate_per_second, config.rate_burst);
         Api {
@@ -194,6 +204,7 @@ impl Service {
             space: Space::new(config.local_folders(), config.keep_free),
             storage,
             queue,
+            watcher,
             metrics,
             draining,
         }

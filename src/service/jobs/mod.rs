@@ -8,6 +8,8 @@ pub mod channels;
 pub mod query;
 /// Every change of a job's state.
 pub mod queue;
+/// Tells clients that their jobs change.
+pub mod watcher;
 /// Takes jobs from the queue and computes them.
 pub mod worker;
 

@@ -11,7 +11,7 @@ use super::query::{self, StoredArtifact};
 use super::{Failure, State, StoredNotice};
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::Notify;
+use tokio::sync::{Notify, watch};
 
 /// The back-off after a store did not answer grows no further than 2⁶ times the first.
 const MAX_DOUBLINGS: u32 = 6;
@@ -85,6 +85,7 @@ pub struct Queue {
     quota: Quota,
     metrics: Metrics,
     wake: Arc<Notify>,
+    changes: watch::Sender<()>,
 }
 
 impl Queue {
@@ -102,6 +103,7 @@ impl Queue {
             quota: Quota::default(),
             metrics: Metrics::new(),
             wake: Arc::new(Notify::new()),
+            changes: watch::Sender::default(),
         }
     }
 
@@ -120,6 +122,19 @@ impl Queue {
     /// Resolves when a job may be ready in this process; another process's are found by polling.
     pub async fn woken(&self) {
         self.wake.notified().await;
+    }
+
+    /// Marked whenever this process may have changed a job; another process's changes are found by polling.
+    pub fn changes(&self) -> watch::Receiver<()> {
+        self.changes.subscribe()
+    }
+
+    /// `changed` rows, told to whoever waits for them.
+    fn told(&self, changed: u64) -> bool {
+        if changed > 0 {
+            self.changes.send_replace(());
+        }
+        changed > 0
     }
 
     /// Accepts a job of `tenant`: from here on it will be done, whatever happens to this process.
@@ -162,6 +177,7 @@ impl Queue {
         crash::point("submit.before_commit");
         transaction.commit().await?;
         crash::point("submit.committed");
+        self.told(1);
         self.wake.notify_one();
         Ok(id)
     }
@@ -193,6 +209,7 @@ impl Queue {
         }
         transaction.commit().await?;
         crash::point("claim.committed");
+        self.told(1);
         Ok(Some(Claim {
             id: row.text("id")?,
             tenant,
@@ -213,6 +230,7 @@ impl Queue {
         let mut transaction = self.storage.records.begin().await?;
         let rows = transaction.read(beat.bind(claim.id.as_str()).bind(claim.fence)).await?;
         transaction.commit().await?;
+        self.told(rows.len() as u64);
         match rows.first() {
             None => Ok(Beat::Lost),
             Some(row) if row.number("cancel_requested")? != 0 => Ok(Beat::Cancel),
@@ -250,7 +268,7 @@ impl Queue {
         crash::point("finish.before_commit");
         transaction.commit().await?;
         crash::point("finish.committed");
-        Ok(true)
+        Ok(self.told(1))
     }
 
     /// True when this very claim was finished by a call whose answer was lost.
@@ -268,7 +286,7 @@ impl Queue {
         let fail = "UPDATE jobs SET state = 'failed', failure = $1, lease_owner = NULL, lease_until_ms = NULL, \
                     finished_ms = {now} WHERE id = $2 AND fence = $3 AND state = 'running'";
         let fail = sql(fail).bind(json(failure)?).bind(claim.id.as_str()).bind(claim.fence);
-        Ok(self.storage.records.write(fail).await? > 0)
+        Ok(self.told(self.storage.records.write(fail).await?))
     }
 
     /// Puts a running job back for a later attempt: a store did not answer, the job is not at fault. Nobody takes it before
@@ -287,7 +305,7 @@ impl Queue {
                      WHERE id = $2 AND fence = $3 AND state = 'running' \
                      AND (attempt < max_attempts OR cancel_requested = 1)";
         let retry = sql(retry).bind(wait_ms).bind(claim.id.as_str()).bind(claim.fence);
-        Ok(self.storage.records.write(retry).await? > 0)
+        Ok(self.told(self.storage.records.write(retry).await?))
     }
 
     /// Ends a running job that a client asked to cancel.
@@ -297,7 +315,7 @@ impl Queue {
     pub async fn stop(&self, claim: &Claim) -> Result<bool, storage::Error> {
         let stop = "UPDATE jobs SET state = 'cancelled', lease_owner = NULL, lease_until_ms = NULL, \
                     finished_ms = {now} WHERE id = $1 AND fence = $2 AND state = 'running' AND cancel_requested = 1";
-        Ok(self.storage.records.write(sql(stop).bind(claim.id.as_str()).bind(claim.fence)).await? > 0)
+        Ok(self.told(self.storage.records.write(sql(stop).bind(claim.id.as_str()).bind(claim.fence)).await?))
     }
 
     /// Gives a running job back untried: this process stops, the job is not at fault.
@@ -309,7 +327,7 @@ impl Queue {
                        finished_ms = CASE WHEN cancel_requested = 1 THEN {now} END, attempt = attempt - 1, \
                        lease_owner = NULL, lease_until_ms = NULL, stage = NULL, stage_progress = 0 \
                        WHERE id = $1 AND fence = $2 AND state = 'running'";
-        Ok(self.storage.records.write(sql(release).bind(claim.id.as_str()).bind(claim.fence)).await? > 0)
+        Ok(self.told(self.storage.records.write(sql(release).bind(claim.id.as_str()).bind(claim.fence)).await?))
     }
 
     /// Asks to cancel: a queued job ends at once, a running one at its worker's next beat.
@@ -322,7 +340,7 @@ impl Queue {
                       lease_until_ms = CASE state WHEN 'queued' THEN NULL ELSE lease_until_ms END, \
                       state = CASE state WHEN 'queued' THEN 'cancelled' ELSE state END \
                       WHERE tenant = $1 AND id = $2 AND state IN ('queued', 'running')";
-        if self.storage.records.write(sql(cancel).bind(tenant).bind(id)).await? > 0 {
+        if self.told(self.storage.records.write(sql(cancel).bind(tenant).bind(id)).await?) {
             return Ok(());
         }
         Err(self.refusal(tenant, id).await?)
@@ -367,7 +385,7 @@ impl Queue {
                      OR (lease_until_ms < {now} AND lease_owner NOT LIKE $3)) {skip_locked})";
         let sweep = sql(sweep).bind(json(&Failure::worker_lost(self.max_attempts))?).bind(self.owner.as_str());
         let swept = self.storage.records.write(sweep.bind(format!("{}.%", self.process))).await?;
-        if swept > 0 {
+        if self.told(swept) {
             self.metrics.leases_lost(swept);
             tracing::warn!(jobs = swept, "took back jobs of lost workers");
         }
