@@ -142,6 +142,11 @@ impl Config {
         (self.lease / 3).min(Duration::from_secs(1))
     }
 
+    /// Clients that may wait for their jobs at once: each holds a connection, and a quarter of these is for everybody else.
+    pub fn watchers(&self) -> usize {
+        (self.bounds.connections * 3 / 4).max(1)
+    }
+
     /// Whether keys are asked for: always, but where only this machine can reach the service.
     pub fn asks_for_keys(&self) -> bool {
         self.auth || !self.listen.ip().to_canonical().is_loopback()

@@ -41,6 +41,7 @@ use jobs::channels::NewJob;
 use jobs::memory::Memory;
 use jobs::query::Filter;
 use jobs::queue::{self, Queue};
+use jobs::watcher::Watcher;
 use jobs::worker::{Runner, Worker, pipeline_runner};
 use metrics::Metrics;
 use std::fs::{File, TryLockError};
@@ -171,6 +172,8 @@ impl Service {
         let mut upkeep = JoinSet::new();
         upkeep.spawn(collect_garbage(storage.clone(), config.clone()));
         upkeep.spawn(retention::keep_up(storage.clone(), queue.clone(), config.retention));
+        let watcher = Watcher::new(config.watchers());
+        upkeep.spawn(watcher.clone().keep_up(storage.records.clone(), queue.changes(), config.poll));
         let listen = |error| StartError::Listen { address: config.listen, error };
         let listener = TcpListener::bind(config.listen).await.map_err(listen)?;
         let address = listener.local_addr().map_err(listen)?;
@@ -191,14 +194,21 @@ impl Service {
             true => worker.spawn(config.concurrency, config.threads)?,
             false => JoinSet::new(),
         };
-        let api = Service::api(&config, storage, queue, metrics, stop);
+        let api = Service::api(&config, storage, queue, watcher, metrics, stop);
         if config.role.answers() {
             upkeep.spawn(api.uploads.clone().keep_up(config.poll));
         }
         Ok(Service { config, api, listener, address, slots, release, _upkeep: upkeep, _lock: lock })
     }
 
-    fn api(config: &Config, storage: Storage, queue: Queue, metrics: Metrics, draining: CancellationToken) -> Api {
+    fn api(
+        config: &Config,
+        storage: Storage,
+        queue: Queue,
+        watcher: Watcher,
+        metrics: Metrics,
+        draining: CancellationToken,
+    ) -> Api {
         let (max_bytes, slowest, limits) = (config.max_upload_bytes, config.slowest, config.limits);
         let rate = RateLimit::new(config.rate_per_second, config.rate_burst);
         let space = Space::new(config.local_folders(), config.keep_free);
@@ -219,6 +229,7 @@ impl Service {
             space,
             storage,
             queue,
+            watcher,
             metrics,
             draining,
         }

@@ -13,17 +13,17 @@ use tokio::task::JoinHandle;
 
 const HEALTH: &str = "GET /healthz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
 /// Longest wait for what should come at once, on a machine busy with others.
-const PATIENCE: Duration = Duration::from_secs(30);
+pub const PATIENCE: Duration = Duration::from_secs(30);
 
 /// A service that answers on a real socket.
-struct Listening {
+pub struct Listening {
     address: SocketAddr,
     stop: oneshot::Sender<()>,
     serving: JoinHandle<std::io::Result<()>>,
 }
 
 impl Listening {
-    fn on(site: &mut Site) -> Listening {
+    pub fn on(site: &mut Site) -> Listening {
         let service: Service = site.service.take().unwrap();
         let address = service.address();
         let (stop, stopped) = oneshot::channel::<()>();
@@ -31,7 +31,7 @@ impl Listening {
         Listening { address, stop, serving }
     }
 
-    async fn open(&self, bytes: &[u8]) -> TcpStream {
+    pub async fn open(&self, bytes: &[u8]) -> TcpStream {
         let mut stream = TcpStream::connect(self.address).await.unwrap();
         stream.write_all(bytes).await.unwrap();
         stream
@@ -41,14 +41,14 @@ impl Listening {
         ended(&mut self.open(request.as_bytes()).await).await
     }
 
-    async fn stop(self) {
+    pub async fn stop(self) {
         drop(self.stop);
         self.serving.await.unwrap().unwrap();
     }
 }
 
 /// All that comes until the other end closes, or resets.
-async fn ended(stream: &mut TcpStream) -> String {
+pub async fn ended(stream: &mut TcpStream) -> String {
     let mut bytes = Vec::new();
     let _ = tokio::time::timeout(PATIENCE, stream.read_to_end(&mut bytes)).await.unwrap();
     String::from_utf8_lossy(&bytes).into_owned()

@@ -64,6 +64,7 @@ fn the_contract_says_how_everything_can_fail() {
         "ready",
         "upload_ray_set",
         "upload_spectrum",
+        "watch_job",
     ];
     assert_eq!(operations.iter().map(String::as_str).collect::<Vec<_>>(), expected);
     // Every reference leads somewhere.

@@ -36,6 +36,8 @@ mod channels;
 mod declared;
 /// Queue, cancellation, deletion, pages.
 mod jobs;
+/// How clients hear of their jobs.
+mod watching;
 /// What processes and stores do to jobs.
 mod faults;
 /// Entity tags and ranges.

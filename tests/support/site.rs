@@ -4,7 +4,7 @@
 use crate::engines::{self, Engines};
 use axum::Router;
 use axum::body::Body;
-use axum::http::{HeaderMap, Method, Request, StatusCode};
+use axum::http::{HeaderMap, Method, Request, Response, StatusCode};
 use http_body_util::BodyExt;
 use lampwright::service::access::Scope;
 use lampwright::service::access::keys::{self, NewKey};
@@ -20,7 +20,7 @@ use tempfile::TempDir;
 use tower::ServiceExt;
 
 /// Every header a response may have; a new one is a decision, not an accident.
-const HEADERS: [&str; 25] = [
+const HEADERS: [&str; 26] = [
     "access-control-allow-headers",
     "access-control-allow-methods",
     "access-control-allow-origin",
@@ -46,6 +46,7 @@ const HEADERS: [&str; 25] = [
     "connection",
     "vary",
     "www-authenticate",
+    "x-accel-buffering",
 ];
 
 /// A response, read to its end.
@@ -200,6 +201,11 @@ impl Site {
             request = request.header("authorization", format!("Bearer {key}"));
         }
         self.send(request.body(body.into()).unwrap()).await
+    }
+
+    /// The response to a GET, its body still to come.
+    pub async fn begin(&self, path: &str) -> Response<Body> {
+        self.router.clone().oneshot(Request::get(path).body(Body::empty()).unwrap()).await.unwrap()
     }
 
     pub async fn get(&self, path: &str) -> Reply {

@@ -12,7 +12,10 @@ use axum::http::header;
 use axum::middleware::{Next, from_fn};
 use axum::response::IntoResponse;
 use futures::StreamExt;
+use std::sync::Arc;
 use std::time::Duration;
+use tokio::sync::Semaphore;
+use tokio::time::timeout;
 use tower::ServiceBuilder;
 use tower::limit::GlobalConcurrencyLimitLayer;
 use tower::load_shed::{LoadShedLayer, error::Overloaded};
@@ -22,13 +25,32 @@ use utoipa_axum::router::OpenApiRouter;
 /// Longest time until a response begins; an upload's is bounded by its pace, not its length.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// At most `at_once` requests to these routes together; one more is told to come back.
-pub fn admit(routes: OpenApiRouter<Api>, at_once: usize) -> OpenApiRouter<Api> {
+/// At most as many requests to these routes together as there are `places`; one more is told to come back.
+pub fn admit(routes: OpenApiRouter<Api>, places: &Arc<Semaphore>) -> OpenApiRouter<Api> {
     let layers = ServiceBuilder::new()
         .layer(HandleErrorLayer::new(refused))
         .layer(LoadShedLayer::new())
-        .layer(GlobalConcurrencyLimitLayer::new(at_once));
+        .layer(GlobalConcurrencyLimitLayer::with_semaphore(Arc::clone(places)));
     routes.layer(layers)
+}
+
+/// As [`admit`] and [`patient`], but for requests that wait for something to happen (`?wait=`): whoever watches it bounds those,
+/// and they keep nobody else from asking.
+pub fn admit_but_waiting(routes: OpenApiRouter<Api>, places: &Arc<Semaphore>) -> OpenApiRouter<Api> {
+    let places = Arc::clone(places);
+    routes.layer(from_fn(move |request: Request, next: Next| {
+        let places = Arc::clone(&places);
+        async move {
+            if request.uri().query().is_some_and(|query| query.contains("wait=")) {
+                return next.run(request).await;
+            }
+            let Ok(_place) = places.try_acquire() else { return Problem::busy().into_response() };
+            match timeout(PATIENCE, next.run(request)).await {
+                Ok(response) => response,
+                Err(_) => Problem::timeout().into_response(),
+            }
+        }
+    }))
 }
 
 /// No request to these routes takes longer than [`PATIENCE`] to begin its response.

@@ -6,6 +6,7 @@ use super::super::jobs::options::JobOptions;
 use super::super::jobs::{Failure, Priority, State as JobState, StoredNotice, query};
 use super::Api;
 use super::artifacts::href;
+use super::events::{self, Waiting};
 use super::extract::{Page, Path, Query, cut};
 use super::problem::Problem;
 use crate::pipeline::Stage;
@@ -142,12 +143,11 @@ pub struct JobList {
 
 impl From<query::Job> for Job {
     fn from(row: query::Job) -> Job {
-        let stages = stages(&row);
+        let stages = stages(row.stage, row.stage_progress);
         let this = format!("/v1/jobs/{}", row.id);
         let succeeded = row.state == JobState::Succeeded;
         Job {
-            progress: stages.iter().zip(STAGE_WEIGHTS).map(|(stage, weight)| stage.progress * weight).sum::<f64>()
-                / STAGE_WEIGHTS.iter().sum::<f64>(),
+            progress: overall(&stages),
             stage: row.stage.map(Stage::name),
             stages,
             links: JobLinks {
@@ -186,9 +186,16 @@ impl Job {
     }
 }
 
-fn stages(row: &query::Job) -> Vec<StageProgress> {
-    let done = |stage: Stage| match row.stage {
-        Some(reached) if stage == reached => row.stage_progress,
+/// How much of the whole is done, 0 to 1.
+pub(super) fn overall(stages: &[StageProgress]) -> f64 {
+    stages.iter().zip(STAGE_WEIGHTS).map(|(stage, weight)| stage.progress * weight).sum::<f64>()
+        / STAGE_WEIGHTS.iter().sum::<f64>()
+}
+
+/// Every stage's progress, when `within` of the stage `reached` is done.
+pub(super) fn stages(reached: Option<Stage>, within: f64) -> Vec<StageProgress> {
+    let done = |stage: Stage| match reached {
+        Some(reached) if stage == reached => within,
         Some(reached) if stage < reached => 1.0,
         _ => 0.0,
     };
@@ -272,16 +279,31 @@ fn moment<'de, D: Deserializer<'de>>(number: D) -> Result<Option<i64>, D::Error>
 }
 
 /// Tells of a job
+///
+/// At once, or, with `wait`, when its state is another than now, when it has ended already, or when so many seconds are over:
+/// ask again until `state` is succeeded, failed or cancelled.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}", tag = "jobs", operation_id = "get_job",
-    params(("id" = String, Path, description = "the job")),
+    params(("id" = String, Path, description = "the job"), Waiting),
     responses(
         (status = 200, body = Job, description = "what is known of it"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "an unusable query"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, too many clients that wait, or a store that does not answer"),
     )
 )]
-pub async fn get(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<Json<Job>, Problem> {
+pub async fn get(
+    State(api): State<Api>,
+    access: Access,
+    Path(id): Path<String>,
+    Query(waiting): Query<Waiting>,
+) -> Result<Json<Job>, Problem> {
+    let wait = waiting.longest()?;
+    let job = find(&api, &access, &id).await?;
+    if wait.is_zero() || job.state.ended() {
+        return Ok(Json(job.into()));
+    }
+    events::changed(&api, &job, wait).await?;
     Ok(Json(find(&api, &access, &id).await?.into()))
 }
 

@@ -24,6 +24,8 @@ pub mod spectra;
 pub mod jobs;
 /// How a job is asked for.
 pub mod submission;
+/// How clients hear of it.
+pub mod events;
 /// What a job gave.
 pub mod artifacts;
 /// Whether the service lives and works.
@@ -38,13 +40,14 @@ pub mod docs;
 use super::access::{Door, Scope};
 use super::connections::Peer;
 use super::jobs::queue::Queue;
+use super::jobs::watcher::Watcher;
 use super::metrics::Metrics;
 use super::storage::Storage;
 use super::storage::space::Space;
 use super::upload::Intake;
 use super::upload::resume::Uploads;
 use access::{needs, needs_one_of, needs_only};
-use admission::{admit, kept, patient};
+use admission::{admit, admit_but_waiting, kept, patient};
 use axum::extract::Request;
 use axum::http::{HeaderName, HeaderValue, Method, Uri, header};
 use axum::response::{IntoResponse, Response};
@@ -54,6 +57,7 @@ use problem::Problem;
 use std::any::Any;
 use std::sync::Arc;
 use std::time::Duration;
+use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 use tower::ServiceBuilder;
 use tower_http::catch_panic::CatchPanicLayer;
@@ -83,6 +87,8 @@ pub struct Api {
     pub storage: Storage,
     /// Jobs.
     pub queue: Queue,
+    /// Tells of jobs that change.
+    pub watcher: Watcher,
     /// Takes ray files in.
     pub intake: Intake,
     /// Takes those in that can be resumed.
@@ -123,7 +129,8 @@ pub struct Binary(#[expect(dead_code, reason = "a schema, never a value")] Vec<u
         (name = "jobs", description = "What is to be computed, how far it is, and why it failed"),
         (name = "artifacts", description = "What a job gave"),
         (name = "health", description = "Whether the service lives and works"),
-    )
+    ),
+    components(schemas(events::JobProgress)),
 )]
 struct Contract;
 
@@ -147,10 +154,12 @@ fn routes() -> OpenApiRouter<Api> {
         .routes(needs(UploadsRead, routes!(spectra::get)))
         .routes(needs(JobsWrite, routes!(submission::create)))
         .routes(needs(JobsRead, routes!(jobs::list)))
-        .routes(needs(JobsRead, routes!(jobs::get)))
         .routes(needs(JobsRead, routes!(artifacts::list)))
         .routes(needs(JobsRead, routes!(artifacts::download)))
         .routes(needs(JobsRead, routes!(artifacts::download_zip)));
+    let waits = OpenApiRouter::new().routes(needs(JobsRead, routes!(jobs::get)));
+    // Bounded by the watcher for as long as they last.
+    let streams = OpenApiRouter::new().routes(needs(JobsRead, routes!(events::events)));
     // Always admitted: a full service must still be told to do less, and say that it lives.
     let relief = watch()
         .routes(needs_only(UploadsWrite, routes!(ray_sets::delete)))
@@ -158,10 +167,14 @@ fn routes() -> OpenApiRouter<Api> {
         .routes(needs_only(UploadsWrite, routes!(spectra::delete)))
         .routes(needs_only(JobsWrite, routes!(jobs::cancel)))
         .routes(needs_only(JobsWrite, routes!(jobs::delete)));
+    let places = |at_once| Arc::new(Semaphore::new(at_once));
+    let reading = places(READS);
     OpenApiRouter::with_openapi(Contract::openapi())
-        .merge(admit(kept(uploads), UPLOADS))
-        .merge(admit(patient(kept(spectra)), UPLOADS))
-        .merge(admit(patient(reads), READS))
+        .merge(admit(kept(uploads), &places(UPLOADS)))
+        .merge(admit(patient(kept(spectra)), &places(UPLOADS)))
+        .merge(admit(patient(reads), &reading))
+        .merge(admit_but_waiting(waits, &reading))
+        .merge(patient(streams))
         .merge(patient(relief))
 }
 

@@ -90,6 +90,7 @@ impl Queue {
         let Some(held) = self.memory.hold(row.count("memory_bytes")?) else { return Ok(Tried::Full) };
         transaction.commit().await?;
         crash::point("claim.committed");
+        self.told(1);
         let timeout_ms = row.optional_number("timeout_ms")?.map(|ms| Duration::from_millis(ms.max(0).unsigned_abs()));
         Ok(Tried::Taken(Claim {
             id: row.text("id")?,

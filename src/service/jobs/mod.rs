@@ -16,6 +16,8 @@ pub mod queue;
 pub mod submit;
 /// Who is next.
 mod claim;
+/// Tells clients that their jobs change.
+pub mod watcher;
 /// Takes jobs from the queue and computes them.
 pub mod worker;
 

@@ -6,7 +6,7 @@ use super::channels::{Channel, TotalFlux};
 use super::options::JobOptions;
 use super::{Failure, Priority, State, StoredNotice};
 use crate::pipeline::Stage;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::time::Duration;
 
 /// Ended jobs that an estimate is made from.
@@ -53,6 +53,28 @@ pub struct Job {
     pub finished_ms: Option<i64>,
 }
 
+/// How far a job is: what changes while it is watched.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Standing {
+    /// Where it is.
+    pub state: State,
+    /// How often it was begun.
+    pub attempt: u32,
+    /// The stage it is in; `None` before the first.
+    pub stage: Option<Stage>,
+    /// How much of that stage is done, 0..=1.
+    pub stage_progress: f64,
+    /// Place in the queue from 1, while queued.
+    pub queue_position: Option<u64>,
+}
+
+impl From<&Job> for Standing {
+    fn from(job: &Job) -> Standing {
+        let Job { state, attempt, stage, stage_progress, queue_position, .. } = *job;
+        Standing { state, attempt, stage, stage_progress, queue_position }
+    }
+}
+
 /// A file a job gave.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StoredArtifact {
@@ -74,7 +96,7 @@ macro_rules! jobs {
         concat!(
             "SELECT jobs.*, CASE WHEN jobs.state = 'queued' THEN (SELECT COUNT(*) FROM jobs ahead \
              WHERE ahead.tenant = jobs.tenant AND ahead.state = 'queued' \
-             AND (ahead.priority, ahead.id) <= (jobs.priority, jobs.id)) END AS place FROM jobs WHERE jobs.tenant = $1 ",
+             AND (ahead.priority, ahead.id) <= (jobs.priority, jobs.id)) END AS position FROM jobs WHERE jobs.tenant = $1 ",
             $($rest),+
         )
     };
@@ -190,6 +212,37 @@ pub async fn seconds_per_ray(records: &Records) -> Result<Option<f64>, Error> {
     Ok(each.get(each.len() / 2).copied())
 }
 
+/// How far the jobs called `ids` are, those that are there: one statement, however many are asked for. The order of waiting jobs is
+/// that of [`get`].
+///
+/// # Errors
+/// The database did not answer.
+pub async fn standings(records: &Records, ids: &[String]) -> Result<HashMap<String, Standing>, Error> {
+    let select = "SELECT jobs.id, state, attempt, stage, stage_progress, waiting.position FROM jobs LEFT JOIN \
+                  (SELECT id, ROW_NUMBER() OVER (PARTITION BY tenant ORDER BY priority, id) AS position \
+                   FROM jobs WHERE state = 'queued') waiting \
+                  ON waiting.id = jobs.id WHERE jobs.id IN ({texts})";
+    let list = serde_json::to_string(ids).map_err(|error| Error::Records(Box::new(error)))?;
+    let mut standings = HashMap::new();
+    for row in records.read(sql(select).bind(list)).await? {
+        standings.insert(row.text("id")?, standing(&row)?);
+    }
+    Ok(standings)
+}
+
+fn standing(row: &Row) -> Result<Standing, Error> {
+    let state = row.text("state")?;
+    let state = State::parse(&state).ok_or_else(|| Error::Records(format!("job state {state:?}").into()))?;
+    let stage = row.optional_text("stage")?;
+    Ok(Standing {
+        state,
+        attempt: u32::try_from(row.number("attempt")?).unwrap_or(0),
+        stage: stage.and_then(|name| Stage::ALL.into_iter().find(|stage| stage.name() == name)),
+        stage_progress: row.real("stage_progress")?,
+        queue_position: (state == State::Queued).then(|| row.count("position")).transpose()?,
+    })
+}
+
 /// The channels of a job, in order.
 ///
 /// # Errors
@@ -234,9 +287,7 @@ pub async fn artifact_named(records: &Records, id: &str, name: &str) -> Result<O
 
 async fn job(records: &Records, row: &Row) -> Result<Job, Error> {
     let id = row.text("id")?;
-    let state = row.text("state")?;
-    let state = State::parse(&state).ok_or_else(|| Error::Records(format!("job state {state:?}").into()))?;
-    let stage = row.optional_text("stage")?;
+    let Standing { state, attempt, stage, stage_progress, queue_position } = standing(row)?;
     let failure = row.optional_text("failure")?;
     Ok(Job {
         channels: channels(records, &id).await?,
@@ -244,14 +295,14 @@ async fn job(records: &Records, row: &Row) -> Result<Job, Error> {
         id,
         state,
         options: stored(&row.text("options")?)?,
-        attempt: u32::try_from(row.number("attempt")?).unwrap_or(0),
+        attempt,
         cancel_requested: row.number("cancel_requested")? != 0,
-        stage: stage.and_then(|name| Stage::ALL.into_iter().find(|stage| stage.name() == name)),
-        stage_progress: row.real("stage_progress")?,
+        stage,
+        stage_progress,
         priority: Priority::from_number(row.number("priority")?).unwrap_or_default(),
         timeout_s: row.optional_number("timeout_ms")?.and_then(|ms| u32::try_from(ms / 1000).ok()),
         memory_bytes: row.count("memory_bytes")?,
-        queue_position: row.optional_number("place")?.map(|place| place.max(0).unsigned_abs()),
+        queue_position,
         failure: failure.as_deref().map(stored).transpose()?,
         notices: stored(&row.text("notices")?)?,
         created_ms: row.number("created_ms")?,

@@ -15,7 +15,7 @@ use crate::pipeline;
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::Notify;
+use tokio::sync::{Notify, watch};
 
 /// The back-off after a store did not answer grows no further than 2⁶ times the first.
 const MAX_DOUBLINGS: u32 = 6;
@@ -108,6 +108,7 @@ pub struct Queue {
     threads: usize,
     metrics: Metrics,
     pub(super) wake: Arc<Notify>,
+    changes: watch::Sender<()>,
 }
 
 impl Queue {
@@ -129,6 +130,7 @@ impl Queue {
             threads: 1,
             metrics,
             wake: Arc::new(Notify::new()),
+            changes: watch::Sender::default(),
         }
     }
 
@@ -179,6 +181,19 @@ impl Queue {
         self.wake.notified().await;
     }
 
+    /// Marked whenever this process may have changed a job; another process's changes are found by polling.
+    pub fn changes(&self) -> watch::Receiver<()> {
+        self.changes.subscribe()
+    }
+
+    /// `changed` rows, told to whoever waits for them.
+    pub(super) fn told(&self, changed: u64) -> bool {
+        if changed > 0 {
+            self.changes.send_replace(());
+        }
+        changed > 0
+    }
+
     /// Renews the lease, tells of progress, hears of a cancellation.
     ///
     /// # Errors
@@ -190,6 +205,7 @@ impl Queue {
         let mut transaction = self.storage.records.begin().await?;
         let rows = transaction.read(beat.bind(claim.id.as_str()).bind(claim.fence)).await?;
         transaction.commit().await?;
+        self.told(rows.len() as u64);
         match rows.first() {
             None => Ok(Beat::Lost),
             Some(row) if row.number("cancel_requested")? != 0 => Ok(Beat::Cancel),
@@ -227,7 +243,7 @@ impl Queue {
         crash::point("finish.before_commit");
         transaction.commit().await?;
         crash::point("finish.committed");
-        Ok(true)
+        Ok(self.told(1))
     }
 
     /// True when this very claim was finished by a call whose answer was lost.
@@ -245,7 +261,7 @@ impl Queue {
         let fail = "UPDATE jobs SET state = 'failed', failure = $1, lease_owner = NULL, lease_until_ms = NULL, \
                     finished_ms = {now} WHERE id = $2 AND fence = $3 AND state = 'running'";
         let fail = sql(fail).bind(json(failure)?).bind(claim.id.as_str()).bind(claim.fence);
-        Ok(self.storage.records.write(fail).await? > 0)
+        Ok(self.told(self.storage.records.write(fail).await?))
     }
 
     /// Puts a running job back for a later attempt: a store did not answer, the job is not at fault. Nobody takes it before
@@ -261,7 +277,7 @@ impl Queue {
                      WHERE id = $2 AND fence = $3 AND state = 'running' \
                      AND (attempt < max_attempts OR cancel_requested = 1)";
         let retry = sql(retry).bind(self.back_off_ms(claim)).bind(claim.id.as_str()).bind(claim.fence);
-        Ok(self.storage.records.write(retry).await? > 0)
+        Ok(self.told(self.storage.records.write(retry).await?))
     }
 
     /// A third of a lease after the first attempt, twice as long after each next, and up to half as much again: what fell
@@ -281,7 +297,7 @@ impl Queue {
     pub async fn stop(&self, claim: &Claim) -> Result<bool, storage::Error> {
         let stop = "UPDATE jobs SET state = 'cancelled', lease_owner = NULL, lease_until_ms = NULL, \
                     finished_ms = {now} WHERE id = $1 AND fence = $2 AND state = 'running' AND cancel_requested = 1";
-        Ok(self.storage.records.write(sql(stop).bind(claim.id.as_str()).bind(claim.fence)).await? > 0)
+        Ok(self.told(self.storage.records.write(sql(stop).bind(claim.id.as_str()).bind(claim.fence)).await?))
     }
 
     /// Gives a running job back untried: this process stops, the job is not at fault.
@@ -293,7 +309,7 @@ impl Queue {
                        finished_ms = CASE WHEN cancel_requested = 1 THEN {now} END, attempt = attempt - 1, \
                        lease_owner = NULL, lease_until_ms = NULL, stage = NULL, stage_progress = 0 \
                        WHERE id = $1 AND fence = $2 AND state = 'running'";
-        Ok(self.storage.records.write(sql(release).bind(claim.id.as_str()).bind(claim.fence)).await? > 0)
+        Ok(self.told(self.storage.records.write(sql(release).bind(claim.id.as_str()).bind(claim.fence)).await?))
     }
 
     /// Asks to cancel: a queued job ends at once, a running one at its worker's next beat.
@@ -306,7 +322,7 @@ impl Queue {
                       lease_until_ms = CASE state WHEN 'queued' THEN NULL ELSE lease_until_ms END, \
                       state = CASE state WHEN 'queued' THEN 'cancelled' ELSE state END \
                       WHERE tenant = $1 AND id = $2 AND state IN ('queued', 'running')";
-        if self.storage.records.write(sql(cancel).bind(tenant).bind(id)).await? > 0 {
+        if self.told(self.storage.records.write(sql(cancel).bind(tenant).bind(id)).await?) {
             return Ok(());
         }
         Err(self.refusal(tenant, id).await?)
@@ -361,7 +377,7 @@ impl Queue {
                      OR (lease_until_ms < {now} AND lease_owner NOT LIKE $3)) {skip_locked})";
         let sweep = sql(sweep).bind(json(&Failure::worker_lost(self.max_attempts))?).bind(self.owner.as_str());
         let swept = self.storage.records.write(sweep.bind(format!("{}.%", self.process))).await?;
-        if swept > 0 {
+        if self.told(swept) {
             self.metrics.leases_lost(swept);
             tracing::warn!(jobs = swept, "took back jobs of lost workers");
         }

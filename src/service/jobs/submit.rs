@@ -103,6 +103,7 @@ impl Queue {
         crash::point("submit.before_commit");
         transaction.commit().await?;
         crash::point("submit.committed");
+        self.told(1);
         self.wake.notify_one();
         Ok(queued)
     }

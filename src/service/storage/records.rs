@@ -20,6 +20,8 @@ struct Dialect {
     skip_locked: &'static str,
     /// `{for_share}`: nobody may delete the row that was found before this transaction ends. Empty where there is one writer.
     for_share: &'static str,
+    /// `{texts}`: the texts in the JSON list `$1`, as rows: a statement's text is fixed, its number of values is not.
+    texts: &'static str,
     /// What every new connection is told.
     connection: &'static str,
     /// Longest wait for a connection; while the database is away, how long a request takes to say so.
@@ -31,6 +33,7 @@ static SQLITE: Dialect = Dialect {
     now: "CAST(unixepoch('subsec') * 1000 AS BIGINT)",
     skip_locked: "",
     for_share: "",
+    texts: "SELECT value FROM json_each($1)",
     connection: "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON; \
                  PRAGMA busy_timeout = 10000;",
     acquire: Duration::from_secs(30),
@@ -41,6 +44,7 @@ static POSTGRES: Dialect = Dialect {
     now: "CAST(EXTRACT(EPOCH FROM statement_timestamp()) * 1000 AS BIGINT)",
     skip_locked: "FOR UPDATE SKIP LOCKED",
     for_share: "FOR SHARE",
+    texts: "SELECT json_array_elements_text(CAST($1 AS JSON))",
     connection: "SET statement_timeout = '30s'; SET idle_in_transaction_session_timeout = '10s';",
     acquire: Duration::from_secs(5),
 };
@@ -117,8 +121,12 @@ impl Statement {
     }
 
     fn query(self, dialect: &Dialect) -> Query<'static, Any, AnyArguments> {
-        let words =
-            [("{now}", dialect.now), ("{skip_locked}", dialect.skip_locked), ("{for_share}", dialect.for_share)];
+        let words = [
+            ("{now}", dialect.now),
+            ("{skip_locked}", dialect.skip_locked),
+            ("{for_share}", dialect.for_share),
+            ("{texts}", dialect.texts),
+        ];
         let say = |text: Cow<'static, str>, (word, said): (&str, &str)| match text.contains(word) {
             true => Cow::Owned(text.replace(word, said)),
             false => text,

@@ -155,7 +155,9 @@ impl Uploads {
             Unfit(Cancelled) => Fate::Lost,
             LowSpace | Storage(storage::Error::Full) if last => Fate::Refused,
             LowSpace | Storage(storage::Error::Full) => Fate::Again { counted: true },
-            Unfit(Unreadable(cause)) | Packed(Unreadable(cause)) if cause.get_ref().is_some_and(|it| it.is::<JoinError>()) => {
+            Unfit(Unreadable(cause)) | Packed(Unreadable(cause))
+                if cause.get_ref().is_some_and(|it| it.is::<JoinError>()) =>
+            {
                 // A panic of ours: another attempt will hardly do better.
                 if last { Fate::Refused } else { Fate::Again { counted: true } }
             }

@@ -45,7 +45,8 @@ impl From<Error> for Problem {
             Error::Missing(id) => Problem::no_upload(&id),
             Error::Refused(problem) => *problem,
             Error::Offset { at } => {
-                let detail = format!("The upload goes on at byte {at}, and the request does not, or another came after it.");
+                let detail =
+                    format!("The upload goes on at byte {at}, and the request does not, or another came after it.");
                 Problem::new(StatusCode::CONFLICT, "upload.offset_conflict", "Not where the upload goes on", detail)
                     .at("Upload-Offset")
                     .remedy("Ask with HEAD where it goes on.")

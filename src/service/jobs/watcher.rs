@@ -1,0 +1,185 @@
+//! Tells clients that their jobs change: one reader of the database for everybody who waits in this process, not one each.
+
+use super::super::storage::records::Records;
+use super::query::{self, Standing};
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::sync::{Notify, OwnedSemaphorePermit, Semaphore, watch};
+use tokio::time::sleep;
+
+/// Least time between two looks: what changes together is told together.
+const GAP: Duration = Duration::from_millis(50);
+
+/// Those who wait, and what they wait for. Cheap to clone.
+#[derive(Clone)]
+pub struct Watcher(Arc<Shared>);
+
+struct Shared {
+    watched: Mutex<Watched>,
+    /// Somebody began to wait.
+    begun: Notify,
+    places: Arc<Semaphore>,
+}
+
+#[derive(Default)]
+struct Watched {
+    /// Looks that were begun.
+    looks: u64,
+    jobs: HashMap<String, watch::Sender<News>>,
+}
+
+/// What a look found of a job.
+#[derive(Clone, Debug, Default)]
+struct News {
+    look: u64,
+    /// `None` when the job is not there.
+    standing: Option<Standing>,
+}
+
+impl Watcher {
+    /// A watcher for at most `places` clients at once.
+    pub fn new(places: usize) -> Watcher {
+        let places = Arc::new(Semaphore::new(places));
+        Watcher(Arc::new(Shared { watched: Mutex::default(), begun: Notify::new(), places }))
+    }
+
+    /// Watches a job that was `known` to be so a moment ago; `None` when too many clients wait already.
+    pub fn watch(&self, id: &str, known: Standing) -> Option<Watching> {
+        let place = Arc::clone(&self.0.places).try_acquire_owned().ok()?;
+        let mut watched = self.0.watched();
+        // A look that has begun may have read the job before this client did.
+        let since = watched.looks + 1;
+        let news = watched.jobs.entry(id.to_owned()).or_insert_with(|| watch::channel(News::default()).0).subscribe();
+        drop(watched);
+        self.0.begun.notify_one();
+        Some(Watching { id: id.to_owned(), known, since, news, shared: Arc::clone(&self.0), _place: place })
+    }
+
+    /// Looks as long as anybody waits: when this process `changes` a job, and every `poll` for what others changed.
+    pub async fn keep_up(self, records: Records, mut changes: watch::Receiver<()>, poll: Duration) {
+        loop {
+            if self.0.watched().jobs.is_empty() {
+                self.0.begun.notified().await;
+            }
+            self.look(&records).await;
+            sleep(GAP).await;
+            tokio::select! {
+                _ = changes.changed() => {}
+                () = self.0.begun.notified() => {}
+                () = sleep(poll) => {}
+            }
+        }
+    }
+
+    async fn look(&self, records: &Records) {
+        let (look, ids) = {
+            let mut watched = self.0.watched();
+            watched.looks += 1;
+            (watched.looks, watched.jobs.keys().cloned().collect::<Vec<_>>())
+        };
+        let mut standings = match query::standings(records, &ids).await {
+            Ok(standings) => standings,
+            Err(error) => {
+                tracing::warn!(%error, "cannot see how watched jobs are; looking again");
+                return;
+            }
+        };
+        let watched = self.0.watched();
+        for id in ids {
+            if let Some(told) = watched.jobs.get(&id) {
+                told.send_replace(News { look, standing: standings.remove(&id) });
+            }
+        }
+    }
+}
+
+impl Shared {
+    fn watched(&self) -> MutexGuard<'_, Watched> {
+        // Nothing is left half done in there.
+        self.watched.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// One client that waits; dropped, it does not.
+pub struct Watching {
+    id: String,
+    known: Standing,
+    since: u64,
+    news: watch::Receiver<News>,
+    shared: Arc<Shared>,
+    _place: OwnedSemaphorePermit,
+}
+
+impl Watching {
+    /// How the job is, once that differs from what is known; `None` when it is not there any more.
+    pub async fn next(&mut self) -> Option<Standing> {
+        loop {
+            self.news.changed().await.ok()?;
+            let news = self.news.borrow_and_update().clone();
+            if news.look < self.since {
+                continue;
+            }
+            let standing = news.standing?;
+            if standing != self.known {
+                self.known = standing.clone();
+                return Some(standing);
+            }
+        }
+    }
+}
+
+impl Drop for Watching {
+    fn drop(&mut self) {
+        let mut watched = self.shared.watched();
+        // This one's receiver still counts.
+        if watched.jobs.get(&self.id).is_some_and(|told| told.receiver_count() <= 1) {
+            watched.jobs.remove(&self.id);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::State;
+    use super::*;
+
+    fn standing(state: State) -> Standing {
+        Standing { state, attempt: 0, stage: None, stage_progress: 0.0, queue_position: None }
+    }
+
+    #[test]
+    fn places_are_bounded_and_given_back_and_jobs_nobody_waits_for_are_forgotten() {
+        let watcher = Watcher::new(2);
+        let known = || standing(State::Queued);
+        let (first, second) = (watcher.watch("a", known()).unwrap(), watcher.watch("a", known()).unwrap());
+        assert!(watcher.watch("b", known()).is_none());
+        drop(first);
+        assert_eq!(watcher.0.watched().jobs.len(), 1, "another still waits for it");
+        drop(second);
+        assert!(watcher.0.watched().jobs.is_empty());
+        assert!(watcher.watch("b", known()).is_some());
+    }
+
+    #[tokio::test]
+    async fn what_was_read_before_a_client_came_is_not_news_to_it() {
+        let watcher = Watcher::new(2);
+        let send = |look, state| {
+            let told = watcher.0.watched().jobs.get("a").cloned().unwrap();
+            told.send_replace(News { look, standing: Some(standing(state)) });
+        };
+        let mut early = watcher.watch("a", standing(State::Queued)).unwrap();
+        // A look begins and reads `queued`; the job is begun, a client sees that and waits; the look ends.
+        watcher.0.watched().looks += 1;
+        let mut late = watcher.watch("a", standing(State::Running)).unwrap();
+        send(1, State::Queued);
+        tokio::select! {
+            biased;
+            told = late.next() => panic!("{told:?}"),
+            () = tokio::task::yield_now() => {}
+        }
+        send(2, State::Succeeded);
+        assert_eq!(late.next().await, Some(standing(State::Succeeded)));
+        assert_eq!(early.next().await, Some(standing(State::Succeeded)));
+    }
+}
