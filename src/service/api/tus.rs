@@ -40,18 +40,8 @@ const MAX_SIZE: HeaderName = HeaderName::from_static("tus-max-size");
 const CHECKSUM_ALGORITHM: HeaderName = HeaderName::from_static("tus-checksum-algorithm");
 
 /// What pages of other origins may see of an answer.
-pub const SEEN: [HeaderName; 10] = [
-    RESUMABLE,
-    OFFSET,
-    LENGTH,
-    DEFER_LENGTH,
-    METADATA,
-    EXPIRES,
-    VERSIONS,
-    EXTENSION,
-    MAX_SIZE,
-    CHECKSUM_ALGORITHM,
-];
+pub const SEEN: [HeaderName; 10] =
+    [RESUMABLE, OFFSET, LENGTH, DEFER_LENGTH, METADATA, EXPIRES, VERSIONS, EXTENSION, MAX_SIZE, CHECKSUM_ALGORITHM];
 
 /// Answers what the service can do (OPTIONS), refuses other versions, and names ours in every answer.
 pub async fn speak(State(api): State<Api>, request: Request, next: Next) -> Response {
@@ -231,7 +221,8 @@ mod tests {
 
     #[test]
     fn lengths_offsets_and_checksums_are_said_once_and_rightly() {
-        let said = |pairs: &[(&'static str, &str)]| length(&headers(pairs)).map_err(|problem| problem.code.into_owned());
+        let said =
+            |pairs: &[(&'static str, &str)]| length(&headers(pairs)).map_err(|problem| problem.code.into_owned());
         assert_eq!(said(&[("upload-length", "100")]), Ok(Some(100)));
         assert_eq!(said(&[("upload-defer-length", "1")]), Ok(None));
         let wrong = Err("request.malformed_header".to_owned());

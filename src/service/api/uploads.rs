@@ -72,7 +72,8 @@ pub struct UploadList {
 impl From<uploads::Upload> for Upload {
     fn from(row: uploads::Upload) -> Upload {
         let problem = (row.state == UploadState::Refused).then(|| refusal(&row));
-        let became = (row.state == UploadState::Taken).then(|| row.result.as_deref().map(serde_json::from_str::<Became>));
+        let became =
+            (row.state == UploadState::Taken).then(|| row.result.as_deref().map(serde_json::from_str::<Became>));
         let Became { ray_sets, left_out } = became.flatten().and_then(Result::ok).unwrap_or_default();
         let links = UploadLinks {
             this: address(&row.id),

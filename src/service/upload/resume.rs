@@ -11,6 +11,7 @@ use super::super::storage::uploads::{self, Added, Addition, New, NoRoom, State, 
 use super::super::storage::{self, endings, new_id};
 use super::checksum::Checksum;
 use super::extent::Extent;
+use super::finish::AtHand;
 use super::spool::Spool;
 use super::{Announcement, Error as FileError, Intake};
 use bytes::Bytes;
@@ -19,7 +20,6 @@ use std::fmt::Display;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 
 /// A last part that is shorter than this is stored again with what follows, so that small requests do not leave small parts.
@@ -99,8 +99,8 @@ pub struct Uploads {
     pub lease: Duration,
     /// How often an upload may be begun to be finished before it counts as what kills its process.
     pub max_attempts: u32,
-    /// Uploads finished at once by this process.
-    pub places: Arc<Semaphore>,
+    /// Those that this process finishes now.
+    pub at_hand: Arc<AtHand>,
     /// Requests end where they are.
     pub stopping: CancellationToken,
 }

@@ -1,8 +1,9 @@
 //! What can go wrong with an upload that is to be resumed.
 
 use super::super::super::upload::resume::Error;
-use super::Problem;
+use super::{Problem, QUEUE_WAIT_S};
 use axum::http::StatusCode;
+use std::num::NonZeroU32;
 
 impl Problem {
     /// No such upload.
@@ -45,7 +46,8 @@ impl From<Error> for Problem {
             Error::Missing(id) => Problem::no_upload(&id),
             Error::Refused(problem) => *problem,
             Error::Offset { at } => {
-                let detail = format!("The upload goes on at byte {at}, and the request does not, or another came after it.");
+                let detail =
+                    format!("The upload goes on at byte {at}, and the request does not, or another came after it.");
                 Problem::new(StatusCode::CONFLICT, "upload.offset_conflict", "Not where the upload goes on", detail)
                     .at("Upload-Offset")
                     .remedy("Ask with HEAD where it goes on.")
@@ -78,8 +80,9 @@ impl From<Error> for Problem {
             Error::TooMany(limit) => {
                 let detail = format!("{limit} uploads are unfinished, which is as many as may be.");
                 let status = StatusCode::TOO_MANY_REQUESTS;
-                Problem::new(status, "quota.unfinished_uploads", "Too many unfinished uploads", detail)
-                    .remedy("Go on with one of them, or delete it.")
+                let problem = Problem::new(status, "quota.unfinished_uploads", "Too many unfinished uploads", detail)
+                    .remedy("Go on with one of them, or delete it.");
+                Problem { retry_after_s: NonZeroU32::new(QUEUE_WAIT_S), ..problem }
             }
             Error::Stopping => Problem::draining(),
             Error::File(error) => error.into(),
