@@ -160,7 +160,10 @@ async fn bytes_go_where_the_upload_ends_and_once() {
     let done = many.iter().filter(|reply| reply.status == StatusCode::NO_CONTENT).count();
     let refused = many.iter().filter(|reply| reply.status == StatusCode::CONFLICT).count();
     assert_eq!((done, refused), (1, 5), "{many:?}");
-    append(&site, &at, file.len(), Vec::new(), &[]).await.is_problem(409, "upload.complete");
+    append(&site, &at, file.len(), file[..9].to_vec(), &[]).await.is_problem(409, "upload.complete");
+    // Who lost the last answer adds nothing, and is told that all is there.
+    let nothing = append(&site, &at, file.len(), Vec::new(), &[("content-length", "0")]).await;
+    assert_eq!((nothing.status, nothing.header("upload-offset")), (StatusCode::NO_CONTENT, &*file.len().to_string()));
     let id = at.rsplit('/').next().unwrap();
     let ray_set = site.get(&format!("/v1/ray-sets/{id}")).await.json();
     assert_eq!((&ray_set["sha256"], &ray_set["byte_count"]), (&json!(sha256(&file)), &json!(file.len())));

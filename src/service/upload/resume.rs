@@ -150,7 +150,8 @@ impl Uploads {
         let session = new_id();
         let begun = uploads::begin(records, tenant, id, piece.offset, &session, self.expiry).await?;
         match begun {
-            None if piece.whole.is_some() && piece.byte_count == Some(0) => {}
+            // Whoever lost the answer to the last byte adds nothing, at the end.
+            None if piece.byte_count == Some(0) && self.ends_at(tenant, id, piece.offset).await? => {}
             None => return Err(self.why_not(tenant, id).await?),
             Some(upload) => {
                 let checked = piece.checksum.is_some();
@@ -202,6 +203,13 @@ impl Uploads {
             Some(_) => Err(Error::Length),
             None => Err(Error::Missing(id.to_owned())),
         }
+    }
+
+    /// Whether all of an upload is there, up to `offset`.
+    async fn ends_at(&self, tenant: &str, id: &str, offset: u64) -> Result<bool, Error> {
+        let upload = uploads::get(&self.intake.storage.records, tenant, id).await?;
+        let complete = |upload: &Upload| matches!(upload.state, State::Finishing | State::Taken);
+        Ok(upload.is_some_and(|upload| complete(&upload) && upload.offset == offset))
     }
 
     /// Why nothing can be added at an offset.
