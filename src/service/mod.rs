@@ -54,7 +54,6 @@ use storage::space::Space;
 use storage::{Storage, endings, garbage};
 use tokio::io::AsyncRead;
 use tokio::net::TcpListener;
-use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout, timeout_at};
 use tokio_util::io::ReaderStream;
@@ -62,9 +61,6 @@ use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
 use upload::resume::Uploads;
 use upload::{Announcement, Intake};
-
-/// Uploads finished at once: each is read to its end.
-const FINISHING: usize = 4;
 
 /// Why a service does not start.
 #[derive(Debug, thiserror::Error)]
@@ -220,7 +216,7 @@ impl Service {
                 expiry: config.upload_expiry,
                 lease: config.lease,
                 max_attempts: config.max_attempts,
-                places: Arc::new(Semaphore::new(FINISHING)),
+                at_hand: Arc::default(),
                 stopping: draining.clone(),
             },
             intake,

@@ -9,7 +9,7 @@ use super::records::{Records, Row, Statement, Transaction, sql};
 use super::uploads::{State, Upload, changed, ms, upload};
 use std::time::Duration;
 
-/// Uploads forgotten in one go.
+/// Uploads looked at in one go.
 const BATCH: i64 = 100;
 
 /// An upload whose bytes are all there, taken by this process to be finished, until the lease ends.
@@ -27,15 +27,23 @@ pub struct Claim {
     pub is_overdue: bool,
 }
 
-/// Takes the upload `id`, or any, if all its bytes are there and nobody else has it.
+/// Uploads whose bytes are all there and which nobody has, the oldest first.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn claim(records: &Records, id: Option<&str>, lease: Duration) -> Result<Option<Claim>, Error> {
+pub async fn waiting(records: &Records) -> Result<Vec<String>, Error> {
+    let select = "SELECT id FROM uploads WHERE state = 'finishing' AND COALESCE(lease_until_ms, 0) <= {now} \
+                  ORDER BY id LIMIT $1";
+    records.read(sql(select).bind(BATCH)).await?.iter().map(|row| row.text("id")).collect()
+}
+
+/// Takes the upload `id`, if all its bytes are there and nobody else has it.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn claim(records: &Records, id: &str, lease: Duration) -> Result<Option<Claim>, Error> {
     let claim = "UPDATE uploads SET fence = fence + 1, attempt = attempt + 1, lease_until_ms = {now} + $1 \
-                 WHERE id = (SELECT id FROM uploads WHERE state = 'finishing' \
-                 AND COALESCE(lease_until_ms, 0) <= {now} AND ($2 IS NULL OR id = $2) \
-                 ORDER BY id LIMIT 1 {skip_locked}) \
+                 WHERE id = $2 AND state = 'finishing' AND COALESCE(lease_until_ms, 0) <= {now} \
                  RETURNING *, CAST(CASE WHEN expires_ms <= {now} THEN 1 ELSE 0 END AS BIGINT) AS is_overdue";
     let row = changed(records, sql(claim).bind(ms(lease)).bind(id)).await?;
     row.as_ref().map(claimed).transpose()

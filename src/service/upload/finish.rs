@@ -13,11 +13,16 @@ use super::spool::PREFIX_BYTES;
 use super::{Error as FileError, LeftOut, Stored};
 use crate::pipeline;
 use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
+use tokio::sync::{Semaphore, SemaphorePermit};
 use tokio::task::JoinError;
 use tokio::time::{Instant, MissedTickBehavior, interval, sleep, timeout};
 use tokio_util::sync::CancellationToken;
 
+/// Uploads finished at once: each is read to its end.
+const AT_ONCE: usize = 4;
 /// How long the request with the last byte waits for the end of its upload.
 const WAIT: Duration = Duration::from_secs(10);
 /// How often it looks.
@@ -44,15 +49,50 @@ enum Fate {
     Lost,
 }
 
+/// Uploads that this process finishes now.
+pub struct AtHand {
+    places: Semaphore,
+    ids: Mutex<HashSet<String>>,
+}
+
+impl Default for AtHand {
+    fn default() -> AtHand {
+        AtHand { places: Semaphore::new(AT_ONCE), ids: Mutex::default() }
+    }
+}
+
+impl AtHand {
+    /// Puts an upload in hand until the guard is dropped; `None` when it is there already: this process may only have been
+    /// slow to renew its lease.
+    async fn take(&self, id: &str) -> Option<Held<'_>> {
+        let place = self.places.acquire().await.ok()?;
+        let is_new = self.ids.lock().unwrap_or_else(PoisonError::into_inner).insert(id.to_owned());
+        is_new.then(|| Held { ids: &self.ids, id: id.to_owned(), _place: place })
+    }
+}
+
+/// An upload in hand.
+struct Held<'a> {
+    ids: &'a Mutex<HashSet<String>>,
+    id: String,
+    _place: SemaphorePermit<'a>,
+}
+
+impl Drop for Held<'_> {
+    fn drop(&mut self) {
+        self.ids.lock().unwrap_or_else(PoisonError::into_inner).remove(&self.id);
+    }
+}
+
 impl Uploads {
-    /// Finishes the upload `id`, or any, whose bytes are all there; false when there was none to finish.
+    /// Finishes the upload `id`, if all its bytes are there and nobody else does.
     ///
     /// # Errors
     /// The database did not answer; the upload is finished later.
-    pub async fn finish(&self, id: Option<&str>) -> Result<bool, storage::Error> {
-        let Ok(_place) = self.places.acquire().await else { return Ok(false) };
+    pub async fn finish(&self, id: &str) -> Result<(), storage::Error> {
+        let Some(_held) = self.at_hand.take(id).await else { return Ok(()) };
         let Some(claim) = endings::claim(&self.intake.storage.records, id, self.lease).await? else {
-            return Ok(false);
+            return Ok(());
         };
         let gone = CancellationToken::new();
         let _gone = gone.clone().drop_guard();
@@ -63,15 +103,14 @@ impl Uploads {
                 Err(error) => match self.fate(&claim, &error) {
                     Fate::Refused => Err(error.into()),
                     Fate::Again { counted } => return self.put_back(&claim, &error, counted).await,
-                    Fate::Lost => return Ok(true),
+                    Fate::Lost => return Ok(()),
                 },
             },
         };
         match made {
-            Ok((drafts, left_out)) => self.take(&claim, drafts, left_out).await?,
-            Err(problem) => self.refuse(&claim, &problem).await?,
+            Ok((drafts, left_out)) => self.take(&claim, drafts, left_out).await,
+            Err(problem) => self.refuse(&claim, &problem).await,
         }
-        Ok(true)
     }
 
     /// The end of an upload whose bytes are all there, as far as it comes soon.
@@ -80,7 +119,7 @@ impl Uploads {
         let mut finishing = Some({
             let (this, id) = (self.clone(), id.to_owned());
             // A task of its own: who waits for it may go away.
-            tokio::spawn(async move { this.finish(Some(&id)).await })
+            tokio::spawn(async move { this.finish(&id).await })
         });
         loop {
             if let Some(task) = &mut finishing
@@ -168,10 +207,9 @@ impl Uploads {
         }
     }
 
-    async fn put_back(&self, claim: &Claim, error: &FileError, counted: bool) -> Result<bool, storage::Error> {
+    async fn put_back(&self, claim: &Claim, error: &FileError, counted: bool) -> Result<(), storage::Error> {
         tracing::warn!(upload = claim.upload.id, attempt = claim.attempt, %error, "an upload is finished later");
-        endings::put_back(&self.intake.storage.records, claim, self.lease, counted).await?;
-        Ok(true)
+        endings::put_back(&self.intake.storage.records, claim, self.lease, counted).await
     }
 
     /// Makes it known what an upload has become.
@@ -213,21 +251,21 @@ impl Uploads {
         let mut looked: Option<Instant> = None;
         while !self.stopping.is_cancelled() {
             ticker.tick().await;
-            loop {
-                match self.finish(None).await {
-                    Ok(true) => {}
-                    Ok(false) => break,
-                    Err(error) => {
-                        tracing::warn!(%error, "cannot finish uploads; trying again later");
-                        break;
-                    }
-                }
+            if let Err(error) = self.finish_waiting().await {
+                tracing::warn!(%error, "cannot finish uploads; trying again later");
             }
             if looked.is_none_or(|looked| looked.elapsed() >= every) {
                 looked = Some(Instant::now());
                 self.expire().await;
             }
         }
+    }
+
+    async fn finish_waiting(&self) -> Result<(), storage::Error> {
+        for id in endings::waiting(&self.intake.storage.records).await? {
+            self.finish(&id).await?;
+        }
+        Ok(())
     }
 
     async fn expire(&self) {

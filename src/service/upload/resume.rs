@@ -11,6 +11,7 @@ use super::super::storage::uploads::{self, Added, Addition, New, NoRoom, State, 
 use super::super::storage::{self, endings, new_id};
 use super::checksum::Checksum;
 use super::extent::Extent;
+use super::finish::AtHand;
 use super::spool::Spool;
 use super::{Announcement, Error as FileError, Intake};
 use bytes::Bytes;
@@ -19,7 +20,6 @@ use std::fmt::Display;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 
 /// A last part that is shorter than this is stored again with what follows, so that small requests do not leave small parts.
@@ -99,8 +99,8 @@ pub struct Uploads {
     pub lease: Duration,
     /// How often an upload may be begun to be finished before it counts as what kills its process.
     pub max_attempts: u32,
-    /// Uploads finished at once by this process.
-    pub places: Arc<Semaphore>,
+    /// Those that this process finishes now.
+    pub at_hand: Arc<AtHand>,
     /// Requests end where they are.
     pub stopping: CancellationToken,
 }
@@ -150,7 +150,8 @@ impl Uploads {
         let session = new_id();
         let begun = uploads::begin(records, tenant, id, piece.offset, &session, self.expiry).await?;
         match begun {
-            None if piece.whole.is_some() && piece.byte_count == Some(0) => {}
+            // Whoever lost the answer to the last byte adds nothing, at the end.
+            None if piece.byte_count == Some(0) && self.ends_at(tenant, id, piece.offset).await? => {}
             None => return Err(self.why_not(tenant, id).await?),
             Some(upload) => {
                 let checked = piece.checksum.is_some();
@@ -202,6 +203,13 @@ impl Uploads {
             Some(_) => Err(Error::Length),
             None => Err(Error::Missing(id.to_owned())),
         }
+    }
+
+    /// Whether all of an upload is there, up to `offset`.
+    async fn ends_at(&self, tenant: &str, id: &str, offset: u64) -> Result<bool, Error> {
+        let upload = uploads::get(&self.intake.storage.records, tenant, id).await?;
+        let complete = |upload: &Upload| matches!(upload.state, State::Finishing | State::Taken);
+        Ok(upload.is_some_and(|upload| complete(&upload) && upload.offset == offset))
     }
 
     /// Why nothing can be added at an offset.

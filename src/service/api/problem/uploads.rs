@@ -1,8 +1,9 @@
 //! What can go wrong with an upload that is to be resumed.
 
 use super::super::super::upload::resume::Error;
-use super::Problem;
+use super::{Problem, QUEUE_WAIT_S};
 use axum::http::StatusCode;
+use std::num::NonZeroU32;
 
 impl Problem {
     /// No such upload.
@@ -79,8 +80,9 @@ impl From<Error> for Problem {
             Error::TooMany(limit) => {
                 let detail = format!("{limit} uploads are unfinished, which is as many as may be.");
                 let status = StatusCode::TOO_MANY_REQUESTS;
-                Problem::new(status, "quota.unfinished_uploads", "Too many unfinished uploads", detail)
-                    .remedy("Go on with one of them, or delete it.")
+                let problem = Problem::new(status, "quota.unfinished_uploads", "Too many unfinished uploads", detail)
+                    .remedy("Go on with one of them, or delete it.");
+                Problem { retry_after_s: NonZeroU32::new(QUEUE_WAIT_S), ..problem }
             }
             Error::Stopping => Problem::draining(),
             Error::File(error) => error.into(),
