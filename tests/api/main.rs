@@ -36,6 +36,10 @@ mod channels;
 mod declared;
 /// Queue, cancellation, deletion, pages.
 mod jobs;
+/// Who is next: turns, priorities, memory, time.
+mod lines;
+/// Keys, reuse, estimates, filters.
+mod submission;
 /// What processes and stores do to jobs.
 mod faults;
 /// Entity tags and ranges.
