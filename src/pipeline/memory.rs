@@ -1,5 +1,183 @@
-//! stub
-use super::{Options, rays::channels::Claims};
-pub fn estimate(_files: &[&Claims], _options: &Options, _threads: usize) -> u64 {
-    64 << 20
+//! What a run needs of the machine's memory, before it begins. Rays pass by in chunks, so their number matters only for the
+//! resolution that is chosen by it; what is kept is the lattice, the surface and its spectra, the goniograms and the files.
+//!
+//! Nothing is known of the source's form yet: it is taken for a body that fills its box, a sphere or a cube. What was measured of
+//! hemispheres is a half to a third of what is said here, of cylinders a fifth to nearly all, of flat chips down to an eighth.
+
+use super::Options;
+use super::artifacts::Spectra;
+use super::rays::channels::Claims;
+
+const MIB: f64 = (1 << 20) as f64;
+/// Program, readers and small things; and the chunks of rays of each thread.
+const PROCESS: f64 = 8.0 * MIB;
+const THREAD: f64 = 3.5 * MIB;
+/// A cell of the lattice: its count, its slot, whether it is solid, and the coarser lattices.
+const LATTICE_CELL: f64 = 12.0;
+/// A vertex while the hull is made; and for each thread, what it saw of the light there.
+const HULL_VERTEX: f64 = 400.0;
+const HULL_VERTEX_THREAD: f64 = 72.0;
+/// A vertex later: mesh, fluxes, its neighbours in smoothing, and its numbers in the files.
+const VERTEX: f64 = 1750.0;
+/// A band of a vertex in the files; where rays have wavelengths also as a sum, twice for a while.
+const VERTEX_BAND: f64 = 8.0;
+const VERTEX_COLUMN: f64 = 10.0;
+/// A spectral number as text, and how many are written so unless asked.
+const NUMBER: f64 = 14.0;
+const MOST_INLINE: f64 = 2e6;
+/// A cell of a zone's goniogram: sums, intensities, text.
+const CELL: f64 = 70.0;
+/// A band of a zone's spectral goniogram: 156 nodes, as numbers and as text; and a column of its 134 cells.
+const ZONE_BAND: f64 = 4300.0;
+const ZONE_COLUMN: f64 = 3300.0;
+/// Two directions that exchange in smoothing; how many of them there are at most; and the share of the sphere that one reaches.
+const LINK: f64 = 60.0;
+const MOST_LINKS: f64 = 8e6;
+const REACH: f64 = 0.0306;
+
+/// Vertices of a body's surface, per square of the resolution: a sphere has 4.7; a cube 6, whose flat sides are cheaper.
+const VERTICES: f64 = 5.0;
+/// With fewer rays per square of an asked resolution, the surface has holes, and twice as many vertices.
+const DENSE: f64 = 4.0;
+/// The finest and the coarsest resolution that are chosen by the rays; and at least so many rays for each vertex then.
+const CHOSEN: (f64, f64) = (96.0, 8.0);
+const RAYS_PER_VERTEX: f64 = 12.0;
+/// Bands and zones unless asked for others; steps of γ as they are for a beam of 20° or more.
+const BANDS: f64 = 40.0;
+const RAYS_PER_ZONE: f64 = 20_000.0;
+const ZONES: f64 = 16.0;
+const GAMMA_DEG: f64 = 2.5;
+const C_DEG: f64 = 10.0;
+/// Columns of a file with spectral tables: one for each table.
+const TABLES: f64 = 16.0;
+
+/// Most bytes of memory that [`super::run`] is expected to need.
+pub fn estimate(files: &[&Claims], options: &Options, threads: usize) -> u64 {
+    let rays: f64 = files.iter().map(|claims| claims.ray_count as f64).sum();
+    let spectrum = Spectrum::of(files, options);
+    let (cells, vertices) = surface(rays, options.hull.resolution.map(f64::from));
+    let threads = threads.max(1) as f64;
+    let hull = LATTICE_CELL * cells + vertices * (HULL_VERTEX + HULL_VERTEX_THREAD * threads);
+    let rest = vertices * VERTEX
+        + spectrum.of_vertices(vertices, options.artifacts.spectra)
+        + directions(rays, &spectrum, options);
+    (PROCESS + THREAD * threads + f64::max(hull, rest)) as u64
+}
+
+/// Cells of the lattice and vertices of the surface.
+fn surface(rays: f64, asked: Option<f64>) -> (f64, f64) {
+    let body = |resolution: f64| VERTICES * resolution * resolution;
+    match asked {
+        Some(resolution) if rays < DENSE * resolution * resolution => (resolution.powi(3), 2.0 * body(resolution)),
+        Some(resolution) => (resolution.powi(3), body(resolution)),
+        None => {
+            let (finest, coarsest) = CHOSEN;
+            (finest.powi(3), (rays / RAYS_PER_VERTEX).clamp(body(coarsest), body(finest)))
+        }
+    }
+}
+
+/// What zones and their goniograms need.
+fn directions(rays: f64, spectrum: &Spectrum, options: &Options) -> f64 {
+    let options = &options.goniogram;
+    let zones = options.zones.map(|(columns, rows)| f64::from(columns) * f64::from(rows));
+    let zones = zones.unwrap_or((rays / RAYS_PER_ZONE).clamp(1.0, ZONES));
+    let gamma_deg = options.gamma_step_deg.unwrap_or(GAMMA_DEG);
+    let cells = 180.0 / gamma_deg * 360.0 / options.c_step_deg.unwrap_or(C_DEG);
+    let links = if options.smoothing { (REACH * cells * cells).min(MOST_LINKS) } else { 0.0 };
+    zones * (CELL * cells + ZONE_BAND * spectrum.bands + ZONE_COLUMN * spectrum.columns) + LINK * links
+}
+
+/// How much there is of the spectrum.
+struct Spectrum {
+    bands: f64,
+    columns: f64,
+    /// Rays have wavelengths: every band is a column.
+    by_ray: bool,
+}
+
+impl Spectrum {
+    fn of(files: &[&Claims], options: &Options) -> Spectrum {
+        let any = |kind: &str| files.iter().any(|claims| claims.spectrum == kind);
+        let asked = options.rays.band_edges_nm.as_ref().map(|edges| edges.len().saturating_sub(1) as f64);
+        let bands = asked.unwrap_or(BANDS);
+        let by_ray = any("wavelength per ray");
+        Spectrum { bands, columns: TABLES + if by_ray { bands } else { 0.0 }, by_ray }
+    }
+
+    fn of_vertices(&self, vertices: f64, place: Spectra) -> f64 {
+        let numbers = vertices * self.bands;
+        let inline = match place {
+            Spectra::Auto => numbers.min(MOST_INLINE),
+            Spectra::Both | Spectra::Extras => numbers,
+            Spectra::Attributes => 0.0,
+        };
+        numbers * (VERTEX_BAND + if self.by_ray { VERTEX_COLUMN } else { 0.0 }) + NUMBER * inline
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn claims(rays: u64, spectrum: &str) -> Claims {
+        serde_json::from_value(json!({
+            "ray_count": rays, "format": "IES TM-25", "flux": {"radiant_w": 1.0, "luminous_lm": null}, "total_rule": "header",
+            "has_radiant": true, "has_luminous": false, "spectrum": spectrum, "length_unit": "mm"
+        }))
+        .unwrap()
+    }
+
+    fn with(change: impl Fn(&mut Options)) -> Options {
+        let mut options = Options::default();
+        change(&mut options);
+        options
+    }
+
+    fn bands(count: usize) -> Option<Vec<f64>> {
+        Some((0..=count).map(|k| 380.0 + k as f64 * 400.0 / count as f64).collect())
+    }
+
+    /// Peaks of the resident set of `lampwright build` or `serve`, less what the process had before, MiB; 2 cores x86-64, release.
+    /// The last number: how much more is said at most.
+    #[test]
+    fn it_bounds_what_was_measured() {
+        let zoned = |options: &mut Options| {
+            (options.goniogram.zones, options.rays.band_edges_nm) = (Some((8, 8)), bands(4096));
+        };
+        let fine = |options: &mut Options| {
+            (options.goniogram.gamma_step_deg, options.goniogram.c_step_deg) = (Some(0.5), Some(4.0));
+        };
+        let [plain, by_ray] = ["table", "wavelength per ray"];
+        for (source, rays, spectrum, threads, options, measured, most) in [
+            ("hemisphere", 100_000, plain, 2, Options::default(), 21.0, 3.0),
+            ("hemisphere", 1_000_000, plain, 2, Options::default(), 51.0, 3.2),
+            ("hemisphere", 1_000_000, plain, 8, Options::default(), 71.0, 3.0),
+            ("hemisphere", 5_000_000, plain, 2, Options::default(), 52.0, 3.0),
+            ("hemisphere", 5_000_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 285.0, 3.0),
+            ("hemisphere", 1_000_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 358.0, 2.5),
+            ("hemisphere", 1_000_000, plain, 2, with(|o| o.rays.band_edges_nm = bands(1000)), 227.0, 3.0),
+            ("hemisphere", 1_000_000, plain, 2, with(|o| o.rays.band_edges_nm = bands(4096)), 820.0, 3.0),
+            ("hemisphere", 1_000_000, plain, 2, with(zoned), 1117.0, 3.0),
+            ("hemisphere", 1_000_000, plain, 2, with(fine), 306.0, 2.5),
+            ("hemisphere", 1_000_000, plain, 2, with(|o| o.goniogram.zones = Some((32, 32))), 190.0, 3.0),
+            ("hemisphere", 600_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(2500)), 975.0, 3.0),
+            ("hemisphere", 100_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(4096)), 426.0, 2.5),
+            ("hemisphere", 600_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(1000)), 429.0, 3.0),
+            ("cylinder", 100_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 845.0, 2.0),
+            ("cylinder", 1_000_000, plain, 2, Options::default(), 28.0, 6.0),
+            ("cylinder", 1_000_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 258.0, 4.0),
+            ("cylinder", 1_000_000, plain, 2, with(fine), 517.0, 2.0),
+            ("four chips", 100_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(4096)), 202.0, 5.0),
+            ("four chips", 1_000_000, by_ray, 2, with(|o| o.hull.resolution = Some(256)), 113.0, 10.0),
+        ] {
+            let said = estimate(&[&claims(rays, spectrum)], &options, threads) as f64 / MIB;
+            println!(
+                "{source}, {rays} rays, {threads} threads: measured {measured}, said {said:.0}, {:.1} times",
+                said / measured
+            );
+            assert!(said >= measured && said <= most * measured, "{source}, {rays} rays: {said:.0} for {measured}");
+        }
+    }
 }

@@ -1,18 +1,14 @@
 use crate::runners::{Gate, held, prompt, stubborn};
-use crate::site::{Site, on_engines};
+use crate::site::{Site, known, stores};
 use axum::http::StatusCode;
 use lampwright::service::Config;
-use lampwright::service::access::quota::Quota;
-use lampwright::service::jobs::channels::{FileDeclaration, NewJob};
+use lampwright::service::jobs::channels::NewJob;
 use lampwright::service::jobs::prospect::Prospect;
 use lampwright::service::jobs::queue::{self, Claim, Queue};
 use lampwright::service::jobs::{Failure, State, TRANSITIONS};
-use lampwright::service::storage::Storage;
-use lampwright::service::storage::inspections::Inspection;
-use lampwright::service::storage::ray_sets::{self, Draft};
+use lampwright::service::storage::ray_sets;
 use lampwright::service::storage::records::sql;
 use serde_json::json;
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 #[tokio::test(flavor = "multi_thread")]
@@ -158,32 +154,10 @@ async fn pages_hold_every_entry_once_newest_first() {
     assert_eq!((of("running").await, of("queued").await, of("succeeded").await), (0, 0, 5));
 }
 
-/// Both stores, and no service.
-async fn stores(folder: &Path) -> Storage {
-    let config = on_engines(Config::new(folder)).await;
-    Storage::open(&config.database_url(), &config.storage_url()).await.unwrap()
-}
-
 /// Queues a job of which nothing is known before.
 async fn enqueue(queue: &Queue, ray_set: &str) -> Result<String, queue::Error> {
     let queued = queue.enqueue("default", &NewJob::of(ray_set), &Prospect::default(), None).await;
     queued.map(|queued| queued.id)
-}
-
-/// Makes a ray set known that has no bytes.
-async fn known(storage: &Storage, id: &str) {
-    let row = ray_sets::RaySet {
-        id: id.into(),
-        name: "r".into(),
-        byte_count: 1,
-        sha256: String::new(),
-        header: "{}".into(),
-        declared: FileDeclaration::default(),
-        packed: None,
-        created_ms: 0,
-    };
-    let draft = Draft { ray_set: row, parts: Vec::new(), inspection: Inspection::default() };
-    ray_sets::insert(&storage.records, "default", Quota::default(), vec![draft]).await.unwrap().unwrap();
 }
 
 #[tokio::test]

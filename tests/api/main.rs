@@ -42,6 +42,10 @@ mod declared;
 mod jobs;
 /// How clients hear of their jobs.
 mod watching;
+/// Who is next: turns, priorities, memory, time.
+mod lines;
+/// Keys, reuse, estimates, filters.
+mod submission;
 /// What processes and stores do to jobs.
 mod faults;
 /// Entity tags and ranges.

@@ -8,9 +8,14 @@ use axum::http::{HeaderMap, Method, Request, Response, StatusCode};
 use http_body_util::BodyExt;
 use lampwright::service::access::Scope;
 use lampwright::service::access::keys::{self, NewKey};
+use lampwright::service::access::quota::Quota;
+use lampwright::service::jobs::channels::FileDeclaration;
 use lampwright::service::jobs::worker::Runner;
 use lampwright::service::pace::Slowest;
+use lampwright::service::storage::Storage;
 use lampwright::service::storage::blobs::Blobs;
+use lampwright::service::storage::inspections::Inspection;
+use lampwright::service::storage::ray_sets::{self, Draft};
 use lampwright::service::storage::records::{Records, Row, Statement};
 use lampwright::service::{Config, Service};
 use serde_json::{Value, json};
@@ -163,6 +168,35 @@ pub async fn on_engines(config: Config) -> Config {
         }
         None => config,
     }
+}
+
+/// Both stores, and no service.
+pub async fn stores(folder: &Path) -> Storage {
+    let config = on_engines(Config::new(folder)).await;
+    Storage::open(&config.database_url(), &config.storage_url()).await.unwrap()
+}
+
+/// The same stores as two processes open them.
+pub async fn two_stores(folder: &Path) -> (Storage, Storage) {
+    let config = on_engines(Config::new(folder)).await;
+    let open = async || Storage::open(&config.database_url(), &config.storage_url()).await.unwrap();
+    (open().await, open().await)
+}
+
+/// Makes a ray set known that has no bytes.
+pub async fn known(storage: &Storage, id: &str) {
+    let row = ray_sets::RaySet {
+        id: id.into(),
+        name: "r".into(),
+        byte_count: 1,
+        sha256: String::new(),
+        header: "{}".into(),
+        declared: FileDeclaration::default(),
+        packed: None,
+        created_ms: 0,
+    };
+    let draft = Draft { ray_set: row, parts: Vec::new(), inspection: Inspection::default() };
+    ray_sets::insert(&storage.records, "default", Quota::default(), vec![draft]).await.unwrap().unwrap();
 }
 
 impl Site {

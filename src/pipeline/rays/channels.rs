@@ -171,7 +171,8 @@ pub struct Claims {
     total_rule: TotalRule,
     has_radiant: bool,
     has_luminous: bool,
-    spectrum: String,
+    /// What its rays carry of the spectrum: the word of [`SpectralData::name`].
+    pub spectrum: String,
     /// Headers stored before there were formats without a unit do not have it.
     #[serde(default = "some_unit")]
     length_unit: Option<String>,

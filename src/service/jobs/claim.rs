@@ -12,28 +12,29 @@ use tokio::time::sleep;
 const LOOKS: u32 = 20;
 const PAUSE: Duration = Duration::from_millis(5);
 
-/// The tenant whose turn it is: $1 is the memory of this process, $2 how many jobs a tenant without a quota of its own may run.
-macro_rules! fair {
+/// Tenants that have a job for this process and may run one more: $1 is its memory, $2 how many jobs a tenant without a quota
+/// of its own may run. Asked tenant by tenant: `EXISTS` would be, without statistics, a scan of all that waits.
+macro_rules! servable {
     ($before:literal, $after:literal) => {
         concat!(
             $before,
-            "SELECT fair.id FROM tenants fair WHERE EXISTS (SELECT 1 FROM jobs WHERE jobs.tenant = fair.id \
-             AND jobs.state = 'queued' AND COALESCE(jobs.lease_until_ms, 0) <= {now} AND jobs.memory_bytes <= $1) \
+            "SELECT fair.id FROM tenants fair WHERE (SELECT jobs.id FROM jobs WHERE jobs.tenant = fair.id \
+             AND jobs.state = 'queued' AND COALESCE(jobs.lease_until_ms, 0) <= {now} AND jobs.memory_bytes <= $1 \
+             ORDER BY jobs.priority, jobs.id LIMIT 1) IS NOT NULL \
              AND (SELECT COUNT(*) FROM jobs WHERE jobs.tenant = fair.id AND jobs.state = 'running') \
-             < COALESCE(fair.running_jobs, $2) \
-             ORDER BY (SELECT COUNT(*) FROM jobs WHERE jobs.tenant = fair.id AND jobs.state = 'running'), \
-             fair.served_ms, fair.id LIMIT 1",
+             < COALESCE(fair.running_jobs, $2) ",
             $after
         )
     };
 }
 
-/// Holds the tenant's row: nobody else begins a job of this tenant before this transaction ends.
-const SERVE: &str = fair!(
+const LOOK: &str = servable!("", "LIMIT 1");
+/// Whose turn it is. Holds the tenant's row: nobody else begins a job of this tenant before this transaction ends.
+const SERVE: &str = servable!(
     "UPDATE tenants SET served_ms = {now} WHERE id = (",
-    " {skip_locked}) RETURNING id, COALESCE(running_jobs, $2) AS running_jobs"
+    "ORDER BY (SELECT COUNT(*) FROM jobs WHERE jobs.tenant = fair.id AND jobs.state = 'running'), \
+     fair.served_ms, fair.id LIMIT 1 {skip_locked}) RETURNING id, COALESCE(running_jobs, $2) AS running_jobs"
 );
-const LOOK: &str = fair!("", "");
 
 /// What came of one try.
 enum Tried {
@@ -53,7 +54,7 @@ impl Queue {
         self.sweep().await?;
         let _turn = self.memory.turn().await;
         for _ in 0..LOOKS {
-            if self.storage.records.read_one(self.fair(LOOK)).await?.is_none() {
+            if self.storage.records.read_one(self.servable(LOOK)).await?.is_none() {
                 return Ok(None);
             }
             match self.try_claim().await? {
@@ -65,14 +66,14 @@ impl Queue {
         Ok(None)
     }
 
-    fn fair(&self, text: &'static str) -> Statement {
+    fn servable(&self, text: &'static str) -> Statement {
         let most = i64::try_from(self.quota.running_jobs).unwrap_or(i64::MAX);
         sql(text).bind(i64::try_from(self.memory.limit_bytes()).unwrap_or(i64::MAX)).bind(most)
     }
 
     async fn try_claim(&self) -> Result<Tried, storage::Error> {
         let mut transaction = self.storage.records.begin().await?;
-        let rows = transaction.read(self.fair(SERVE)).await?;
+        let rows = transaction.read(self.servable(SERVE)).await?;
         let Some(served) = rows.first() else { return Ok(Tried::Busy) };
         let (tenant, most) = (served.text("id")?, served.number("running_jobs")?);
         // Another process may have begun a job of this tenant since that was looked at: counted again, with its row at hand.

@@ -44,7 +44,8 @@ pub struct Queued {
 
 /// Unfinished or succeeded, and nobody wants it to end.
 const EQUAL: &str = "SELECT id FROM jobs WHERE tenant = $1 AND content_sha256 = $2 \
-                     AND state IN ('queued', 'running', 'succeeded') AND cancel_requested = 0 ORDER BY id DESC LIMIT 1";
+                     AND state IN ('queued', 'running', 'succeeded') AND cancel_requested = 0 \
+                     ORDER BY CASE state WHEN 'succeeded' THEN 0 WHEN 'running' THEN 1 ELSE 2 END, id LIMIT 1";
 
 impl Queue {
     /// What a request under this key came to before, if it came.
