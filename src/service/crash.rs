@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const VARIABLE: &str = "LAMPWRIGHT_CRASH_AT";
 
 /// Every point, in the order of an upload and a job. A stage's is "stage." and its name.
-pub const POINTS: [&str; 15] = [
+pub const POINTS: [&str; 17] = [
     "upload.part_stored",
     "upload.before_commit",
     "upload.committed",
@@ -24,6 +24,8 @@ pub const POINTS: [&str; 15] = [
     "publish.blob_stored",
     "finish.before_commit",
     "finish.committed",
+    "announce.before_commit",
+    "announce.committed",
 ];
 
 struct Armed {

@@ -75,6 +75,8 @@ struct Numbers {
     tenants_waiting: Gauge,
     longest_tenant_queue: Gauge,
     free_bytes: Gauge,
+    webhook_attempts: Family<Ended, Counter>,
+    webhook_backlog: Gauge,
 }
 
 /// From 1 ms to half a minute.
@@ -114,6 +116,8 @@ impl Metrics {
             tenants_waiting: Gauge::default(),
             longest_tenant_queue: Gauge::default(),
             free_bytes: Gauge::default(),
+            webhook_attempts: Family::default(),
+            webhook_backlog: Gauge::default(),
         };
         numbers.register_own();
         numbers.register_shared();
@@ -155,6 +159,12 @@ impl Metrics {
         self.0.leases_lost.inc_by(jobs);
     }
 
+    /// An endpoint was told something, and took it or not.
+    pub fn told(&self, taken: bool) {
+        let ending = if taken { "delivered" } else { "failed" };
+        self.0.webhook_attempts.get_or_create(&Ended { ending }).inc();
+    }
+
     /// All numbers, as Prometheus reads them.
     pub fn text(&self, backlog: &Backlog, free_bytes: Option<u64>) -> String {
         self.0.look(backlog, free_bytes);
@@ -184,6 +194,8 @@ impl Numbers {
         registry.register("job_attempt_seconds", help, self.attempt_seconds.clone());
         let help = "Jobs this process took back from workers that fell silent";
         registry.register("leases_lost", help, self.leases_lost.clone());
+        let help = "Attempts of this process to tell a webhook something, by how they ended";
+        registry.register("webhook_attempts", help, self.webhook_attempts.clone());
     }
 
     /// What all processes share.
@@ -200,6 +212,8 @@ impl Numbers {
         registry.register("waiting_tenants", "Tenants with waiting jobs", self.tenants_waiting.clone());
         let help = "Waiting jobs of the tenant that has most of them";
         registry.register("longest_tenant_queue", help, self.longest_tenant_queue.clone());
+        let help = "Deliveries to webhooks that wait for their next attempt: grows when endpoints take nothing";
+        registry.register("webhook_backlog", help, self.webhook_backlog.clone());
         registry.register("free_bytes", "Room on the fullest local disk; -1 when unknown", self.free_bytes.clone());
     }
 
@@ -217,6 +231,7 @@ impl Numbers {
         self.overdue.set(backlog.overdue.cast_signed());
         self.tenants_waiting.set(backlog.tenants_waiting.cast_signed());
         self.longest_tenant_queue.set(backlog.longest_tenant_queue.cast_signed());
+        self.webhook_backlog.set(backlog.deliveries.cast_signed());
         self.free_bytes.set(free_bytes.map_or(-1, |bytes| i64::try_from(bytes).unwrap_or(i64::MAX)));
     }
 }

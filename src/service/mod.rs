@@ -18,12 +18,18 @@ pub mod storage;
 pub mod connections;
 /// How fast a body must come.
 pub mod pace;
+/// Asks elsewhere.
+pub mod outbound;
 /// Takes in a ray file.
 pub mod upload;
 /// What is in a packed one.
 mod unpack;
+/// Fetches a ray file.
+pub mod ingest;
 /// What is to be computed, and who computes it.
 pub mod jobs;
+/// Tells others that jobs have ended.
+pub mod webhooks;
 /// What is kept no longer.
 pub mod retention;
 /// A copy of everything.
@@ -37,11 +43,13 @@ use access::rate::RateLimit;
 use access::{DEFAULT_TENANT, Door, keys};
 use api::Api;
 use axum::Router;
+use ingest::Ingest;
 use jobs::channels::NewJob;
 use jobs::queue::{self, Queue};
 use jobs::watcher::Watcher;
 use jobs::worker::{Runner, Worker, pipeline_runner};
 use metrics::Metrics;
+use outbound::Outbound;
 use std::fs::{File, TryLockError};
 use std::io;
 use std::net::SocketAddr;
@@ -57,6 +65,7 @@ use tokio_util::io::ReaderStream;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
 use upload::{Announcement, Intake};
+use webhooks::dispatcher::Dispatcher;
 
 /// Why a service does not start.
 #[derive(Debug, thiserror::Error)]
@@ -86,6 +95,9 @@ pub enum StartError {
     /// A store cannot be opened.
     #[error(transparent)]
     Storage(#[from] storage::Error),
+    /// Nothing can be asked elsewhere.
+    #[error("cannot ask elsewhere: {0}")]
+    Outbound(#[from] outbound::Error),
     /// The computing threads cannot be had.
     #[error("cannot start the computing threads: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
@@ -163,6 +175,9 @@ impl Service {
         upkeep.spawn(retention::keep_up(storage.clone(), queue.clone(), config.retention));
         let watcher = Watcher::new(config.watchers());
         upkeep.spawn(watcher.clone().keep_up(storage.records.clone(), queue.changes(), config.poll));
+        let outbound = Outbound::new(config.outbound_exceptions.clone())?;
+        let dispatcher = Dispatcher::new(storage.records.clone(), outbound, config.webhooks.clone(), metrics.clone());
+        upkeep.spawn(dispatcher.clone().keep_up(queue.changes(), config.poll));
         let listen = |error| StartError::Listen { address: config.listen, error };
         let listener = TcpListener::bind(config.listen).await.map_err(listen)?;
         let address = listener.local_addr().map_err(listen)?;
@@ -183,7 +198,7 @@ impl Service {
             true => worker.spawn(config.concurrency, config.threads)?,
             false => JoinSet::new(),
         };
-        let api = Service::api(&config, storage, queue, watcher, metrics, stop);
+        let api = Service::api(&config, storage, queue, (watcher, dispatcher), metrics, stop)?;
         Ok(Service { config, api, listener, address, slots, release, _upkeep: upkeep, _lock: lock })
     }
 
@@ -191,13 +206,15 @@ impl Service {
         config: &Config,
         storage: Storage,
         queue: Queue,
-        watcher: Watcher,
+        (watcher, dispatcher): (Watcher, Dispatcher),
         metrics: Metrics,
         draining: CancellationToken,
-    ) -> Api {
+    ) -> Result<Api, StartError> {
         let (max_bytes, slowest, limits) = (config.max_upload_bytes, config.slowest, config.limits);
         let rate = RateLimit::new(config.rate_per_second, config.rate_burst);
-        Api {
+        let outbound = config.ingests().then(|| dispatcher.outbound().clone());
+        Ok(Api {
+            ingest: Ingest::new(outbound, &config.ingest_buckets)?,
             intake: Intake { storage: storage.clone(), max_bytes, slowest, quota: config.quota, limits },
             door: Door::new(storage.records.clone(), config.asks_for_keys(), rate),
             origins: config.cors_origins.clone().into(),
@@ -205,9 +222,10 @@ impl Service {
             storage,
             queue,
             watcher,
+            dispatcher,
             metrics,
             draining,
-        }
+        })
     }
 
     /// Where it listens.

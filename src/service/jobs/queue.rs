@@ -6,6 +6,7 @@ use super::super::crash;
 use super::super::metrics::Metrics;
 use super::super::storage::records::sql;
 use super::super::storage::{self, Storage, job_folder, new_id};
+use super::super::webhooks::deliveries;
 use super::channels::{Channel, NewJob};
 use super::query::{self, StoredArtifact};
 use super::{Failure, State, StoredNotice};
@@ -346,13 +347,17 @@ impl Queue {
         Err(self.refusal(tenant, id).await?)
     }
 
-    /// Forgets an ended job: rows first, then blobs.
+    /// Forgets an ended job: announces it, if nobody has yet; then rows first, then blobs.
     ///
     /// # Errors
     /// [`Error::Missing`]; [`Error::State`] when it has not ended; [`Error::Storage`].
     pub async fn delete(&self, tenant: &str, id: &str) -> Result<(), Error> {
+        let mut transaction = self.storage.records.begin().await?;
+        deliveries::announce_one(&mut transaction, tenant, id).await?;
         let delete = "DELETE FROM jobs WHERE tenant = $1 AND id = $2 AND state IN ('succeeded', 'failed', 'cancelled')";
-        if self.storage.records.write(sql(delete).bind(tenant).bind(id)).await? == 0 {
+        let deleted = transaction.write(sql(delete).bind(tenant).bind(id)).await?;
+        transaction.commit().await?;
+        if !self.told(deleted) {
             return Err(self.refusal(tenant, id).await?);
         }
         Ok(self.storage.blobs.delete_all(&job_folder(id)).await?)

@@ -1,5 +1,8 @@
 //! Errors as clients see them (RFC 9457): the one place where an error becomes a status code.
 
+/// Problems of what is elsewhere.
+mod elsewhere;
+
 use super::super::access::keys::Refusal;
 use super::super::access::quota::Exceeded;
 use super::super::jobs::{Failure, State, queue};
