@@ -65,6 +65,7 @@ use tokio_util::io::ReaderStream;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
 use upload::{Announcement, Intake};
+use webhooks::deliveries;
 use webhooks::dispatcher::Dispatcher;
 
 /// Why a service does not start.
@@ -167,6 +168,7 @@ impl Service {
             // The lock proves that whoever ran these jobs and wrote these blobs is gone. Where there is none, leases and
             // the age of what lies about say it later.
             queue.recover().await?;
+            deliveries::recover(&storage.records).await?;
             garbage::collect(&storage, Duration::ZERO).await?;
         }
         tracing::info!(alone = lock.is_some(), role = ?config.role, "storage opened");

@@ -47,6 +47,8 @@ struct Things {
     ray_set: String,
     spectrum: String,
     job: String,
+    webhook: String,
+    delivery: String,
 }
 
 impl Things {
@@ -57,9 +59,10 @@ impl Things {
             "ray-sets" => &self.ray_set,
             "spectra" => &self.spectrum,
             "jobs" => &self.job,
+            "webhooks" => &self.webhook,
             _ => "",
         };
-        let address = path.replace("{id}", id).replace("{name}", "read.txt");
+        let address = path.replace("{id}", id).replace("{name}", "read.txt").replace("{delivery}", &self.delivery);
         assert!(
             !address.contains('{') && !address.contains("//"),
             "say here what stands for the placeholders of {path}"
@@ -71,6 +74,9 @@ impl Things {
     fn body(&self, operation: &str) -> Body {
         match operation {
             "create_job" => json!({ "channels": [{"ray_set": self.ray_set}] }).to_string().into(),
+            "create_webhook" => json!({ "url": NOWHERE }).to_string().into(),
+            "change_webhook" => json!({ "description": "mine" }).to_string().into(),
+            "ingest_ray_set" => json!({ "url": NOWHERE }).to_string().into(),
             "upload_ray_set" => crate::rays::zemax(3).into(),
             "upload_spectrum" => SPECTRUM.into(),
             _ => Body::empty(),
@@ -84,6 +90,8 @@ impl Things {
     }
 }
 
+/// A name that nobody will ever have (RFC 2606).
+const NOWHERE: &str = "https://receiver.invalid/";
 const SPECTRUM: &str = "500 0\n550 1\n600 0\n";
 
 /// A site where the tenant `lab` has a ray set, a spectrum and a job that has succeeded.
@@ -94,8 +102,10 @@ async fn lab() -> (Site, Things) {
     let spectrum = site.ask(Method::POST, "/v1/spectra", &[], SPECTRUM).await.id();
     let job = site.job(&ray_set).await;
     site.until_state(&job, "succeeded").await;
+    let webhook = site.post("/v1/webhooks", &json!({ "url": NOWHERE })).await.id();
+    let delivery = site.post(&format!("/v1/webhooks/{webhook}/ping"), &json!({})).await.id();
     site.key = None;
-    (site, Things { ray_set, spectrum, job })
+    (site, Things { ray_set, spectrum, job, webhook, delivery })
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -156,9 +166,11 @@ async fn every_route_asks_for_a_key_that_is_good_and_for_this() {
 async fn another_tenant_finds_nothing_on_any_route() {
     let (site, things) = lab().await;
     let stranger = format!("Bearer {}", site.key_of("shop", &Scope::ALL).await);
-    let nothing = Things { ray_set: NOBODY.into(), spectrum: NOBODY.into(), job: NOBODY.into() };
+    let [ray_set, spectrum, job, webhook, delivery] = [(); 5].map(|()| NOBODY.to_owned());
+    let nothing = Things { ray_set, spectrum, job, webhook, delivery };
     let rows = "SELECT id, state, cancel_requested FROM jobs UNION ALL SELECT id, name, 0 FROM ray_sets \
-                UNION ALL SELECT id, name, 0 FROM spectra ORDER BY 1";
+                UNION ALL SELECT id, name, 0 FROM spectra UNION ALL SELECT id, description, 0 FROM webhooks \
+                UNION ALL SELECT id, event, 0 FROM deliveries ORDER BY 1";
     let told = async |site: &Site| {
         let rows = site.rows(sql(rows)).await;
         rows.iter().map(|row| (row.text("id").unwrap(), row.text("state").unwrap())).collect::<Vec<_>>()
@@ -177,17 +189,28 @@ async fn another_tenant_finds_nothing_on_any_route() {
         assert_eq!(theirs.status, StatusCode::NOT_FOUND, "{}: {theirs:?}", operation.id);
         // Nothing tells a thing of another tenant from no thing.
         let text = String::from_utf8(theirs.body).unwrap();
-        let text = text.replace(&things.ray_set, NOBODY).replace(&things.spectrum, NOBODY).replace(&things.job, NOBODY);
+        let known = [&things.ray_set, &things.spectrum, &things.job, &things.webhook, &things.delivery];
+        let text = known.into_iter().fold(text, |text, id| text.replace(id, NOBODY));
         assert_eq!(text, String::from_utf8(nobodys.body).unwrap(), "{}", operation.id);
     }
     // What names no thing lists none of another's, or makes one's own, or counts the whole service.
-    let known = ["metrics", "list_jobs", "list_ray_sets", "upload_ray_set", "list_spectra", "upload_spectrum"];
+    let known = [
+        "metrics",
+        "list_jobs",
+        "list_ray_sets",
+        "upload_ray_set",
+        "ingest_ray_set",
+        "list_spectra",
+        "upload_spectrum",
+        "list_webhooks",
+        "create_webhook",
+    ];
     assert_eq!(without_id, known, "say here what these do");
-    for list in ["/v1/jobs", "/v1/ray-sets", "/v1/spectra", "/v1/jobs?state=succeeded"] {
+    for list in ["/v1/jobs", "/v1/ray-sets", "/v1/spectra", "/v1/jobs?state=succeeded", "/v1/webhooks"] {
         let reply = site.ask(Method::GET, list, &[("authorization", &stranger)], Body::empty()).await;
         let text = String::from_utf8(reply.body).unwrap();
         assert!(!text.contains(&things.job) && !text.contains(&things.ray_set), "{list}: {text}");
-        assert!(!text.contains(&things.spectrum), "{list}: {text}");
+        assert!(!text.contains(&things.spectrum) && !text.contains(&things.webhook), "{list}: {text}");
     }
     assert_eq!((told(&site).await, site.blobs()), (before, blobs), "a stranger changed something");
 }

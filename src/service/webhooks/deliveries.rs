@@ -14,6 +14,9 @@ const AT_ONCE: i64 = 4;
 /// Over the longest attempt, until a claim is another's.
 const SLACK: Duration = Duration::from_secs(15);
 
+/// Longest rest that an endpoint may ask for.
+const LONGEST_REST: Duration = Duration::from_hours(24);
+
 /// Where a delivery is: words of its row.
 const WAITING: &str = "waiting";
 const DELIVERED: &str = "delivered";
@@ -222,6 +225,15 @@ pub async fn claim(records: &Records, longest: Duration) -> Result<Option<Sendin
     }))
 }
 
+/// Ends the lease of every attempt: only right when no other process can be making any.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn recover(records: &Records) -> Result<(), Error> {
+    records.write(sql("UPDATE deliveries SET lease_until_ms = NULL WHERE lease_until_ms IS NOT NULL")).await?;
+    Ok(())
+}
+
 /// Notes how an attempt went, and disables an endpoint that is gone or has taken nothing for too long: what waits for it has then
 /// failed. False when the attempt was another's by then.
 ///
@@ -284,12 +296,11 @@ fn wait(sending: &Sending, how: &Attempted, policy: &Policy) -> Option<Duration>
     }
     let done = usize::try_from(sending.attempt).unwrap_or(usize::MAX).saturating_sub(1);
     let wait = policy.waits.get(done)?;
-    let longest = policy.waits.last().copied().unwrap_or_default();
     // Up to a fifth more, so that what failed together is not tried together; by the random part of the id.
     let random = sending.id.rsplit('-').next().and_then(|hex| u64::from_str_radix(hex, 16).ok()).unwrap_or(0);
     let jitter = wait.mul_f64((random % 1000) as f64 / 5000.0);
     let asked = how.retry_after.filter(|_| matches!(how.status, Some(429 | 503))).unwrap_or_default();
-    Some((*wait + jitter).max(asked.min(longest)))
+    Some((*wait + jitter).max(asked.min(LONGEST_REST)))
 }
 
 /// Tells it again, at once and from its first attempt, whatever came of it. False when there is no such delivery to an endpoint of
