@@ -10,6 +10,8 @@ pub mod metrics;
 pub mod access;
 /// Points at which a test makes the process die.
 pub mod crash;
+/// Moments, written.
+pub mod calendar;
 /// Which cryptography TLS uses.
 pub mod tls;
 /// What outlives the process: rows and blobs.

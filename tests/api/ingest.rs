@@ -98,7 +98,7 @@ async fn what_cannot_be_fetched_is_said_and_leaves_nothing() {
         (at("/four"), 502, "ingest.redirects"),
         (at("/cut"), 502, "ingest.broken"),
         (at("/silent"), 504, "ingest.slow"),
-        (at("/text"), 422, "rays.not_a_ray_file"),
+        (at("/text"), 400, "detect.not_rays"),
         (format!("http://localhost:{closed}/"), 502, "ingest.unreachable"),
         // Only the name is an exception: neither its address nor what a redirect says is.
         (format!("http://127.0.0.1:{port}/one"), 422, "ingest.address_refused"),

@@ -22,6 +22,26 @@ use std::time::{Duration, Instant};
 const NOWHERE: &str = "https://receiver.invalid/";
 const SOON: Duration = Duration::from_millis(20);
 
+impl Receiver {
+    /// The next answers; after them, 204.
+    pub fn answer(&self, answers: impl IntoIterator<Item = Answer>) {
+        self.answers.lock().unwrap().extend(answers);
+    }
+
+    /// Waits until `count` messages came.
+    pub async fn until(&self, count: usize) -> Vec<Heard> {
+        let start = Instant::now();
+        loop {
+            let heard = self.heard();
+            if heard.len() >= count {
+                return heard;
+            }
+            assert!(start.elapsed() < PATIENCE, "only {} of {count} came", heard.len());
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    }
+}
+
 /// A service that may ask this machine, and is in a hurry.
 fn near(config: Config) -> Config {
     let webhooks = Policy { waits: vec![SOON; 3], ..Policy::default() };

@@ -51,6 +51,7 @@ impl World {
 
     /// Somebody who hears of every job of these stores.
     pub fn receiver(&self) -> Receiver {
+        std::fs::create_dir_all(self.data()).unwrap();
         let (storage, receiver) = (self.storage(), self.runtime.block_on(Receiver::start()));
         let told = Told { url: receiver.url.clone(), events: Event::ALL.to_vec(), description: String::new() };
         self.runtime.block_on(endpoints::create(&storage.records, "default", told)).unwrap();

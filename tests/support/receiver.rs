@@ -8,11 +8,7 @@ use axum::response::Response;
 use serde_json::Value;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
 use tokio::net::TcpListener;
-
-/// Longest wait for what should come soon, on a machine busy with others.
-const PATIENCE: Duration = Duration::from_secs(60);
 
 /// One message.
 #[derive(Clone, Debug)]
@@ -43,7 +39,8 @@ pub type Answer = (u16, Option<(&'static str, String)>, String);
 pub struct Receiver {
     pub url: String,
     heard: Arc<Mutex<Vec<Heard>>>,
-    answers: Arc<Mutex<VecDeque<Answer>>>,
+    /// The next answers; after them, 204.
+    pub answers: Arc<Mutex<VecDeque<Answer>>>,
 }
 
 impl Receiver {
@@ -68,25 +65,7 @@ impl Receiver {
         response.body(body.into()).unwrap()
     }
 
-    /// The next answers; after them, 204.
-    pub fn answer(&self, answers: impl IntoIterator<Item = Answer>) {
-        self.answers.lock().unwrap().extend(answers);
-    }
-
     pub fn heard(&self) -> Vec<Heard> {
         self.heard.lock().unwrap().clone()
-    }
-
-    /// Waits until `count` messages came.
-    pub async fn until(&self, count: usize) -> Vec<Heard> {
-        let start = Instant::now();
-        loop {
-            let heard = self.heard();
-            if heard.len() >= count {
-                return heard;
-            }
-            assert!(start.elapsed() < PATIENCE, "only {} of {count} came", heard.len());
-            tokio::time::sleep(Duration::from_millis(10)).await;
-        }
     }
 }

@@ -1,6 +1,7 @@
 //! `/v1/webhooks/{id}/deliveries`: what an endpoint was told, and how that went.
 
 use super::super::access::Access;
+use super::super::webhooks::announcement;
 use super::super::webhooks::deliveries::{self, Delivery as Row};
 use super::Api;
 use super::extract::{Page, Path, Query, cut};
@@ -130,7 +131,7 @@ pub async fn ping(
     Path(id): Path<String>,
 ) -> Result<(StatusCode, Json<Delivery>), Problem> {
     let webhook = find(&api, &access, &id).await?;
-    let told = deliveries::ping(&api.storage.records, &access.tenant, &id).await?;
+    let told = announcement::ping(&api.storage.records, &access.tenant, &id).await?;
     let told = told.ok_or_else(|| Problem::webhook_disabled(webhook.disabled_why.as_deref().unwrap_or("just now")))?;
     api.dispatcher.wake();
     Ok((StatusCode::ACCEPTED, Json(told.into())))

@@ -6,7 +6,7 @@ use super::super::crash;
 use super::super::metrics::Metrics;
 use super::super::storage::records::sql;
 use super::super::storage::{self, Storage, job_folder, new_id};
-use super::super::webhooks::deliveries;
+use super::super::webhooks::announcement;
 use super::channels::{Channel, NewJob};
 use super::query::{self, StoredArtifact};
 use super::{Failure, State, StoredNotice};
@@ -353,7 +353,7 @@ impl Queue {
     /// [`Error::Missing`]; [`Error::State`] when it has not ended; [`Error::Storage`].
     pub async fn delete(&self, tenant: &str, id: &str) -> Result<(), Error> {
         let mut transaction = self.storage.records.begin().await?;
-        deliveries::announce_one(&mut transaction, tenant, id).await?;
+        announcement::announce_one(&mut transaction, tenant, id).await?;
         let delete = "DELETE FROM jobs WHERE tenant = $1 AND id = $2 AND state IN ('succeeded', 'failed', 'cancelled')";
         let deleted = transaction.write(sql(delete).bind(tenant).bind(id)).await?;
         transaction.commit().await?;

@@ -6,7 +6,7 @@ use super::super::outbound::Outbound;
 use super::super::storage::Error;
 use super::super::storage::records::Records;
 use super::deliveries::{self, Attempted, Sending};
-use super::{Policy, signature};
+use super::{Policy, announcement, signature};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{Notify, watch};
@@ -78,7 +78,7 @@ impl Dispatcher {
 
     /// Announces what has ended, and begins what is due.
     async fn look(&self, sending: &mut JoinSet<()>) -> Result<(), Error> {
-        while deliveries::announce(&self.records).await? > 0 {}
+        while announcement::announce(&self.records).await? > 0 {}
         while sending.try_join_next().is_some() {}
         while sending.len() < AT_ONCE
             && let Some(next) = deliveries::claim(&self.records, self.policy.longest).await?
