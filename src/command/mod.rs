@@ -19,6 +19,8 @@ mod table;
 mod stores;
 /// What clients may ask of a service.
 mod bounds;
+/// What a service may ask elsewhere.
+mod elsewhere;
 /// `serve`: the service.
 pub mod serve;
 /// `build`: the pipeline without a server.

@@ -2,6 +2,7 @@
 //! there is something to look at within seconds.
 
 use super::bounds::Bounds;
+use super::elsewhere::Elsewhere;
 use super::{Failure, output};
 use crate::pipeline::Limits;
 use crate::pipeline::rays::synthetic;
@@ -58,6 +59,8 @@ pub struct Arguments {
     auth: Auth,
     #[command(flatten)]
     bounds: Bounds,
+    #[command(flatten)]
+    elsewhere: Elsewhere,
     /// Seconds that running jobs and open connections get when the service stops [default: 10].
     #[arg(long, env = "LAMPWRIGHT_GRACE", value_name = "SECONDS")]
     grace: Option<u64>,
@@ -138,7 +141,7 @@ impl Arguments {
             limits: Limits { max_expanded_bytes: max_upload_bytes, ..defaults.limits },
             grace: self.grace.map_or(defaults.grace, Duration::from_secs),
             auth: self.auth == Auth::On,
-            ..self.bounds.over(defaults)
+            ..self.elsewhere.over(self.bounds.over(defaults))
         }
     }
 }
@@ -264,6 +267,7 @@ impl From<StartError> for Failure {
                 "serve.storage",
                 "See that the data folder is whole and has room, and that the engines named by DATABASE_URL and STORAGE_URL answer.",
             ),
+            StartError::Outbound(_) => ("serve.outbound", "See that this system has certificates that TLS can trust."),
             StartError::Threads(_) => ("serve.threads", "Give fewer with --threads or --jobs."),
         };
         Failure::failed(code, error.to_string(), remedy)

@@ -1,6 +1,7 @@
 //! Aligned text for people: a heading, then cells in columns.
 
 use crate::pipeline::vocabulary::units::Flux;
+use crate::service::calendar::rfc_3339;
 
 /// Rows of a heading and cells; columns are as wide as their widest cell, the last cell of a row is free.
 #[derive(Default)]
@@ -58,17 +59,9 @@ pub fn count(value: u64) -> String {
 
 /// A moment given in epoch ms: 2026-11-22 04:05 UTC.
 pub fn moment(epoch_ms: i64) -> String {
-    let (day, minute) = (epoch_ms.div_euclid(86_400_000), epoch_ms.rem_euclid(86_400_000) / 60_000);
-    // Days since 1 March of year 0, when leap days come last: eras of 400 years, each of 146 097 days.
-    let since = day + 719_468;
-    let (era, of_era) = (since.div_euclid(146_097), since.rem_euclid(146_097));
-    let year_of_era = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
-    let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let shifted = (5 * of_year + 2) / 153;
-    let date = of_year - (153 * shifted + 2) / 5 + 1;
-    let month = if shifted < 10 { shifted + 3 } else { shifted - 9 };
-    let year = 400 * era + year_of_era + i64::from(month <= 2);
-    format!("{year}-{month:02}-{date:02} {:02}:{:02} UTC", minute / 60, minute % 60)
+    let written = rfc_3339(epoch_ms);
+    let (date, time) = written.split_once('T').unwrap_or((&written, ""));
+    format!("{date} {} UTC", time.get(..5).unwrap_or_default())
 }
 
 /// A number to 5 significant digits.

@@ -3,7 +3,9 @@
 use super::access::quota::Quota;
 use super::connections::Bounds;
 use super::machine;
+use super::outbound;
 use super::pace::Slowest;
+use super::webhooks;
 use crate::pipeline;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
@@ -65,6 +67,14 @@ pub struct Config {
     pub rate_burst: u32,
     /// What connections may ask of this process.
     pub bounds: Bounds,
+    /// What may be reached although it is not the internet's: by webhooks, and to fetch files.
+    pub outbound_exceptions: Vec<outbound::Exception>,
+    /// Fetch files from addresses; `None`: where keys are asked for.
+    pub ingest: Option<bool>,
+    /// Buckets that files may be fetched from: `s3://bucket/prefix`.
+    pub ingest_buckets: Vec<String>,
+    /// How webhooks are told.
+    pub webhooks: webhooks::Policy,
     /// Bytes kept free on local disks: with less, no upload is taken.
     pub keep_free: u64,
     /// What is kept, and for how long.
@@ -121,6 +131,10 @@ impl Config {
             rate_per_second: 50,
             rate_burst: 200,
             bounds: Bounds { connections: 512, head: Duration::from_secs(20), unread: Duration::from_secs(60) },
+            outbound_exceptions: Vec::new(),
+            ingest: None,
+            ingest_buckets: Vec::new(),
+            webhooks: webhooks::Policy::default(),
             keep_free: 512 << 20,
             retention: Retention { jobs: None, ray_sets: None, every: Duration::from_mins(10) },
             concurrency: 2,
@@ -150,6 +164,11 @@ impl Config {
     /// Whether keys are asked for: always, but where only this machine can reach the service.
     pub fn asks_for_keys(&self) -> bool {
         self.auth || !self.listen.ip().to_canonical().is_loopback()
+    }
+
+    /// Whether files are fetched from addresses: without keys, only if somebody says so.
+    pub fn ingests(&self) -> bool {
+        self.ingest.unwrap_or(self.asks_for_keys())
     }
 
     /// The local folders that are written to.

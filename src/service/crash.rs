@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// The variable that names a point and, after a colon, at which pass; without a number the first.
 const VARIABLE: &str = "LAMPWRIGHT_CRASH_AT";
 
-/// Every point, in the order of an upload and a job. A stage's is "stage." and its name.
-pub const POINTS: [&str; 18] = [
+/// Every point, in the order of an upload, a job and what is told of it. A stage's is "stage." and its name.
+pub const POINTS: [&str; 21] = [
     "upload.part_stored",
     "upload.before_commit",
     "upload.committed",
@@ -27,6 +27,9 @@ pub const POINTS: [&str; 18] = [
     "publish.blob_stored",
     "finish.before_commit",
     "finish.committed",
+    "announce.before_commit",
+    "announce.committed",
+    "deliver.answered",
 ];
 
 struct Armed {

@@ -77,6 +77,8 @@ struct Numbers {
     tenants_waiting: Gauge,
     longest_tenant_queue: Gauge,
     free_bytes: Gauge,
+    webhook_attempts: Family<Ended, Counter>,
+    webhook_backlog: Gauge,
 }
 
 /// From 1 ms to half a minute.
@@ -118,6 +120,8 @@ impl Metrics {
             tenants_waiting: Gauge::default(),
             longest_tenant_queue: Gauge::default(),
             free_bytes: Gauge::default(),
+            webhook_attempts: Family::default(),
+            webhook_backlog: Gauge::default(),
         };
         numbers.register_own();
         numbers.register_shared();
@@ -169,6 +173,12 @@ impl Metrics {
         self.0.job_memory.inc_by(more_bytes);
     }
 
+    /// An endpoint was told something, and took it or not.
+    pub fn told(&self, taken: bool) {
+        let ending = if taken { "delivered" } else { "failed" };
+        self.0.webhook_attempts.get_or_create(&Ended { ending }).inc();
+    }
+
     /// All numbers, as Prometheus reads them.
     pub fn text(&self, backlog: &Backlog, free_bytes: Option<u64>) -> String {
         self.0.look(backlog, free_bytes);
@@ -202,6 +212,8 @@ impl Numbers {
         registry.register("waits_for_memory", help, self.waits_for_memory.clone());
         let help = "Memory that the jobs this process computes are expected to need";
         registry.register("job_memory_bytes", help, self.job_memory.clone());
+        let help = "Attempts of this process to tell a webhook something, by how they ended";
+        registry.register("webhook_attempts", help, self.webhook_attempts.clone());
     }
 
     /// What all processes share.
@@ -218,6 +230,8 @@ impl Numbers {
         registry.register("waiting_tenants", "Tenants with waiting jobs", self.tenants_waiting.clone());
         let help = "Waiting jobs of the tenant that has most of them";
         registry.register("longest_tenant_queue", help, self.longest_tenant_queue.clone());
+        let help = "Deliveries to webhooks that wait for their next attempt: grows when endpoints take nothing";
+        registry.register("webhook_backlog", help, self.webhook_backlog.clone());
         registry.register("free_bytes", "Room on the fullest local disk; -1 when unknown", self.free_bytes.clone());
     }
 
@@ -235,6 +249,7 @@ impl Numbers {
         self.overdue.set(backlog.overdue.cast_signed());
         self.tenants_waiting.set(backlog.tenants_waiting.cast_signed());
         self.longest_tenant_queue.set(backlog.longest_tenant_queue.cast_signed());
+        self.webhook_backlog.set(backlog.deliveries.cast_signed());
         self.free_bytes.set(free_bytes.map_or(-1, |bytes| i64::try_from(bytes).unwrap_or(i64::MAX)));
     }
 }

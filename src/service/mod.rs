@@ -10,6 +10,8 @@ pub mod metrics;
 pub mod access;
 /// Points at which a test makes the process die.
 pub mod crash;
+/// Moments, written.
+pub mod calendar;
 /// Which cryptography TLS uses.
 pub mod tls;
 /// What outlives the process: rows and blobs.
@@ -18,10 +20,16 @@ pub mod storage;
 pub mod connections;
 /// How fast a body must come.
 pub mod pace;
+/// Asks elsewhere.
+pub mod outbound;
 /// Takes in a ray file.
 pub mod upload;
+/// Fetches a ray file.
+pub mod ingest;
 /// What is to be computed, and who computes it.
 pub mod jobs;
+/// Tells others that jobs have ended.
+pub mod webhooks;
 /// How much memory there is.
 mod machine;
 /// What is kept no longer.
@@ -37,6 +45,7 @@ use access::rate::RateLimit;
 use access::{DEFAULT_TENANT, Door, keys};
 use api::Api;
 use axum::Router;
+use ingest::Ingest;
 use jobs::channels::NewJob;
 use jobs::memory::Memory;
 use jobs::query::Filter;
@@ -44,6 +53,7 @@ use jobs::queue::{self, Queue};
 use jobs::watcher::Watcher;
 use jobs::worker::{Runner, Worker, pipeline_runner};
 use metrics::Metrics;
+use outbound::Outbound;
 use std::fs::{File, TryLockError};
 use std::io;
 use std::net::SocketAddr;
@@ -61,6 +71,8 @@ use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
 use upload::resume::Uploads;
 use upload::{Announcement, Intake};
+use webhooks::deliveries;
+use webhooks::dispatcher::Dispatcher;
 
 /// Why a service does not start.
 #[derive(Debug, thiserror::Error)]
@@ -90,6 +102,9 @@ pub enum StartError {
     /// A store cannot be opened.
     #[error(transparent)]
     Storage(#[from] storage::Error),
+    /// Nothing can be asked elsewhere.
+    #[error("cannot ask elsewhere: {0}")]
+    Outbound(#[from] outbound::Error),
     /// The computing threads cannot be had.
     #[error("cannot start the computing threads: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
@@ -162,6 +177,7 @@ impl Service {
             // the age of what lies about say it later.
             queue.recover().await?;
             endings::recover(&storage.records).await?;
+            deliveries::recover(&storage.records).await?;
             garbage::collect(&storage, Duration::ZERO).await?;
         }
         tracing::info!(alone = lock.is_some(), role = ?config.role, "storage opened");
@@ -170,6 +186,9 @@ impl Service {
         upkeep.spawn(retention::keep_up(storage.clone(), queue.clone(), config.retention));
         let watcher = Watcher::new(config.watchers());
         upkeep.spawn(watcher.clone().keep_up(storage.records.clone(), queue.changes(), config.poll));
+        let outbound = Outbound::new(config.outbound_exceptions.clone())?;
+        let dispatcher = Dispatcher::new(storage.records.clone(), outbound, config.webhooks.clone(), metrics.clone());
+        upkeep.spawn(dispatcher.clone().keep_up(queue.changes(), config.poll));
         let listen = |error| StartError::Listen { address: config.listen, error };
         let listener = TcpListener::bind(config.listen).await.map_err(listen)?;
         let address = listener.local_addr().map_err(listen)?;
@@ -190,7 +209,7 @@ impl Service {
             true => worker.spawn(config.concurrency, config.threads)?,
             false => JoinSet::new(),
         };
-        let api = Service::api(&config, storage, queue, watcher, metrics, stop);
+        let api = Service::api(&config, storage, queue, (watcher, dispatcher), metrics, stop)?;
         if config.role.answers() {
             upkeep.spawn(api.uploads.clone().keep_up(config.poll));
         }
@@ -201,16 +220,18 @@ impl Service {
         config: &Config,
         storage: Storage,
         queue: Queue,
-        watcher: Watcher,
+        (watcher, dispatcher): (Watcher, Dispatcher),
         metrics: Metrics,
         draining: CancellationToken,
-    ) -> Api {
+    ) -> Result<Api, StartError> {
         let (max_bytes, slowest, limits) = (config.max_upload_bytes, config.slowest, config.limits);
         let rate = RateLimit::new(config.rate_per_second, config.rate_burst);
+        let outbound = config.ingests().then(|| dispatcher.outbound().clone());
         let space = Space::new(config.local_folders(), config.keep_free);
         let intake =
             Intake { storage: storage.clone(), max_bytes, slowest, quota: config.quota, space: space.clone(), limits };
-        Api {
+        Ok(Api {
+            ingest: Ingest::new(outbound, &config.ingest_buckets)?,
             uploads: Uploads {
                 intake: intake.clone(),
                 expiry: config.upload_expiry,
@@ -226,9 +247,10 @@ impl Service {
             storage,
             queue,
             watcher,
+            dispatcher,
             metrics,
             draining,
-        }
+        })
     }
 
     /// Where it listens.

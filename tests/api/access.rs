@@ -49,6 +49,8 @@ struct Things {
     upload: String,
     spectrum: String,
     job: String,
+    webhook: String,
+    delivery: String,
 }
 
 impl Things {
@@ -60,9 +62,10 @@ impl Things {
             "uploads" => &self.upload,
             "spectra" => &self.spectrum,
             "jobs" => &self.job,
+            "webhooks" => &self.webhook,
             _ => "",
         };
-        let address = path.replace("{id}", id).replace("{name}", "read.txt");
+        let address = path.replace("{id}", id).replace("{name}", "read.txt").replace("{delivery}", &self.delivery);
         assert!(
             !address.contains('{') && !address.contains("//"),
             "say here what stands for the placeholders of {path}"
@@ -74,6 +77,9 @@ impl Things {
     fn body(&self, operation: &str) -> Body {
         match operation {
             "create_job" => json!({ "channels": [{"ray_set": self.ray_set}] }).to_string().into(),
+            "create_webhook" => json!({ "url": NOWHERE }).to_string().into(),
+            "change_webhook" => json!({ "description": "mine" }).to_string().into(),
+            "ingest_ray_set" => json!({ "url": NOWHERE }).to_string().into(),
             "upload_ray_set" => crate::rays::zemax(3).into(),
             "upload_spectrum" => SPECTRUM.into(),
             "append_to_upload" => vec![0; 10].into(),
@@ -100,6 +106,8 @@ const TUS_HEADERS: [(&str, &str); 4] = [
     ("content-type", "application/offset+octet-stream"),
 ];
 
+/// A name that nobody will ever have (RFC 2606).
+const NOWHERE: &str = "https://receiver.invalid/";
 const SPECTRUM: &str = "500 0\n550 1\n600 0\n";
 
 /// A site where the tenant `lab` has a ray set, an upload that waits for its bytes, a spectrum and a job that has succeeded.
@@ -112,8 +120,10 @@ async fn lab() -> (Site, Things) {
     let spectrum = site.ask(Method::POST, "/v1/spectra", &[], SPECTRUM).await.id();
     let job = site.job(&ray_set).await;
     site.until_state(&job, "succeeded").await;
+    let webhook = site.post("/v1/webhooks", &json!({ "url": NOWHERE })).await.id();
+    let delivery = site.post(&format!("/v1/webhooks/{webhook}/ping"), &json!({})).await.id();
     site.key = None;
-    (site, Things { ray_set, upload, spectrum, job })
+    (site, Things { ray_set, upload, spectrum, job, webhook, delivery })
 }
 
 /// An answer to HEAD has no body: its status must do.
@@ -184,9 +194,11 @@ async fn every_route_asks_for_a_key_that_is_good_and_for_this() {
 async fn another_tenant_finds_nothing_on_any_route() {
     let (site, things) = lab().await;
     let stranger = format!("Bearer {}", site.key_of("shop", &Scope::ALL).await);
-    let nothing = Things { ray_set: NOBODY.into(), upload: NOBODY.into(), spectrum: NOBODY.into(), job: NOBODY.into() };
+    let [ray_set, upload, spectrum, job, webhook, delivery] = [(); 6].map(|()| NOBODY.to_owned());
+    let nothing = Things { ray_set, upload, spectrum, job, webhook, delivery };
     let rows = "SELECT id, state, cancel_requested FROM jobs UNION ALL SELECT id, name, 0 FROM ray_sets \
-                UNION ALL SELECT id, name, 0 FROM spectra UNION ALL SELECT id, state, 0 FROM uploads ORDER BY 1";
+                UNION ALL SELECT id, name, 0 FROM spectra UNION ALL SELECT id, state, 0 FROM uploads \
+                UNION ALL SELECT id, description, 0 FROM webhooks UNION ALL SELECT id, event, 0 FROM deliveries ORDER BY 1";
     let told = async |site: &Site| {
         let rows = site.rows(sql(rows)).await;
         rows.iter().map(|row| (row.text("id").unwrap(), row.text("state").unwrap())).collect::<Vec<_>>()
@@ -205,8 +217,8 @@ async fn another_tenant_finds_nothing_on_any_route() {
         assert_eq!(theirs.status, StatusCode::NOT_FOUND, "{}: {theirs:?}", operation.id);
         // Nothing tells a thing of another tenant from no thing.
         let text = String::from_utf8(theirs.body).unwrap();
-        let text = text.replace(&things.ray_set, NOBODY).replace(&things.spectrum, NOBODY).replace(&things.job, NOBODY);
-        let text = text.replace(&things.upload, NOBODY);
+        let known = [&things.ray_set, &things.upload, &things.spectrum, &things.job, &things.webhook, &things.delivery];
+        let text = known.into_iter().fold(text, |text, id| text.replace(id, NOBODY));
         assert_eq!(text, String::from_utf8(nobodys.body).unwrap(), "{}", operation.id);
     }
     // What names no thing lists none of another's, or makes one's own, or counts the whole service.
@@ -215,17 +227,21 @@ async fn another_tenant_finds_nothing_on_any_route() {
         "list_jobs",
         "list_ray_sets",
         "upload_ray_set",
+        "ingest_ray_set",
         "list_spectra",
         "upload_spectrum",
         "list_uploads",
         "create_upload",
+        "list_webhooks",
+        "create_webhook",
     ];
     assert_eq!(without_id, known, "say here what these do");
-    for list in ["/v1/jobs", "/v1/ray-sets", "/v1/spectra", "/v1/uploads", "/v1/jobs?state=succeeded"] {
+    let lists = ["/v1/jobs", "/v1/ray-sets", "/v1/spectra", "/v1/uploads", "/v1/jobs?state=succeeded", "/v1/webhooks"];
+    for list in lists {
         let reply = site.ask(Method::GET, list, &[("authorization", &stranger)], Body::empty()).await;
         let text = String::from_utf8(reply.body).unwrap();
-        assert!(!text.contains(&things.job) && !text.contains(&things.ray_set), "{list}: {text}");
-        assert!(!text.contains(&things.spectrum) && !text.contains(&things.upload), "{list}: {text}");
+        let theirs = [&things.job, &things.ray_set, &things.spectrum, &things.upload, &things.webhook];
+        assert!(theirs.iter().all(|id| !text.contains(*id)), "{list}: {text}");
     }
     assert_eq!((told(&site).await, site.blobs()), (before, blobs), "a stranger changed something");
 }

@@ -9,6 +9,8 @@ mod engines;
 mod packing;
 #[path = "../support/rays.rs"]
 mod rays;
+#[path = "../support/receiver.rs"]
+mod receiver;
 #[path = "../support/runners.rs"]
 mod runners;
 #[path = "../support/site.rs"]
@@ -46,6 +48,10 @@ mod watching;
 mod lines;
 /// Keys, reuse, estimates, filters.
 mod submission;
+/// Who is told that jobs have ended.
+mod webhooks;
+/// Files that are fetched.
+mod ingest;
 /// What processes and stores do to jobs.
 mod faults;
 /// Entity tags and ranges.

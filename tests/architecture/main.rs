@@ -56,7 +56,7 @@ const PIPELINE_CRATES: [&str; 13] = [
 const WORLD: [&str; 6] = ["env", "fs", "net", "process", "thread", "time"];
 
 /// One foreign library, one file (or folder): whoever replaces it reads no other.
-const HOMES: [(&str, &str); 21] = [
+const HOMES: [(&str, &str); 23] = [
     ("flate2", "pipeline/rays/container"),
     ("ruzstd", "pipeline/rays/container/zstd"),
     ("obvhs", "pipeline/flux/bvh"),
@@ -66,6 +66,8 @@ const HOMES: [(&str, &str); 21] = [
     ("getrandom", "service/access/keys"),
     ("subtle", "service/access/keys"),
     ("governor", "service/access/rate"),
+    ("hmac", "service/webhooks/signature"),
+    ("reqwest", "service/outbound"),
     ("prometheus_client", "service/metrics"),
     ("httpdate", "service/api/tus"),
     ("sha1", "service/upload/checksum"),

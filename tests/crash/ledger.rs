@@ -2,6 +2,7 @@
 
 use crate::http::{Answer, ask};
 use crate::node::{Node, World, get, until};
+use crate::receiver::Receiver;
 use lampwright::pipeline::rays::synthetic;
 use lampwright::service::storage::records::sql;
 use lampwright::service::storage::{Storage, ray_sets};
@@ -87,6 +88,23 @@ impl Ledger {
         world.runtime.block_on(self.published_once(&storage));
         until("garbage to go", || world.runtime.block_on(differences(&storage)).is_empty().then_some(()));
         world.runtime.block_on(storage.records.close());
+    }
+
+    /// Waits until nothing is left to be told, and holds what came to the promise: of every job once, or as the same again.
+    pub fn heard(&self, world: &World, receiver: &Receiver) {
+        let storage = world.storage();
+        let left =
+            "SELECT id FROM jobs WHERE announced = 0 UNION ALL SELECT id FROM deliveries WHERE state <> 'delivered'";
+        let left = || world.runtime.block_on(storage.records.read(sql(left))).unwrap();
+        until("everything to be told", || left().is_empty().then_some(()));
+        world.runtime.block_on(storage.records.close());
+        let mut ids: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+        for message in receiver.heard() {
+            let job = message.json()["data"]["id"].as_str().unwrap().to_owned();
+            ids.entry(job).or_default().insert(message.id());
+        }
+        assert_eq!(ids.keys().collect::<Vec<_>>(), self.jobs.iter().collect::<Vec<_>>(), "what ended was told");
+        assert!(ids.values().all(|ids| ids.len() == 1), "what is told again has its id: {ids:?}");
     }
 
     async fn bytes_are_there(&self, storage: &Storage) {

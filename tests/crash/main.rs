@@ -7,6 +7,8 @@
 mod engines;
 #[path = "../support/http.rs"]
 mod http;
+#[path = "../support/receiver.rs"]
+mod receiver;
 /// What clients were promised.
 mod ledger;
 /// The stores and the processes.
@@ -30,8 +32,8 @@ use std::time::{Duration, Instant};
 static DATABASE: RwLock<()> = RwLock::new(());
 const SIGABRT: i32 = 6;
 /// Kills of a soak are the tests' doing, not the job's; garbage is what nobody touched for two seconds.
-const HARDY: [&str; 2] = ["--attempts", "1000"];
-const TIDY: [&str; 4] = ["--attempts", "1000", "--garbage-age", "2"];
+const HARDY: [&str; 4] = ["--attempts", "1000", "--outbound-allow", "127.0.0.1"];
+const TIDY: [&str; 6] = ["--attempts", "1000", "--outbound-allow", "127.0.0.1", "--garbage-age", "2"];
 
 /// A number from the environment: how long a soak is chosen by whoever starts it.
 fn chosen(name: &str, default: u64) -> u64 {
@@ -73,6 +75,7 @@ impl Followed<'_> {
 fn a_death_at_any_point_loses_nothing_and_publishes_once() {
     let _database = DATABASE.read().unwrap();
     let (world, mut ledger) = (World::new(), Ledger::default());
+    let receiver = world.receiver();
     for (seed, point) in crash::POINTS.iter().enumerate() {
         let (start, bytes) = (Instant::now(), ray_file(seed as u64));
         let mut followed = Followed { world: &world, node: world.armed(&HARDY, Some(point)), deaths: 0 };
@@ -87,7 +90,9 @@ fn a_death_at_any_point_loses_nothing_and_publishes_once() {
         assert_eq!(ended(followed.address(), &job)["state"], "succeeded");
         println!("{point}: {:?}", start.elapsed());
     }
-    ledger.audit(&world, &world.node(&TIDY));
+    let node = world.node(&TIDY);
+    ledger.audit(&world, &node);
+    ledger.heard(&world, &receiver);
 }
 
 #[test]

@@ -2,7 +2,10 @@
 
 use crate::engines::{self, Engines};
 use crate::http::{Answer, ask};
+use crate::receiver::Receiver;
 use lampwright::service::storage::Storage;
+use lampwright::service::webhooks::Event;
+use lampwright::service::webhooks::endpoints::{self, Told};
 use lampwright::service::{Config, crash};
 use std::fs::File;
 use std::io::{BufRead, BufReader};
@@ -44,6 +47,16 @@ impl World {
             None => (config.database_url(), config.storage_url()),
         };
         self.runtime.block_on(Storage::open(&database, &store)).unwrap()
+    }
+
+    /// Somebody who hears of every job of these stores.
+    pub fn receiver(&self) -> Receiver {
+        std::fs::create_dir_all(self.data()).unwrap();
+        let (storage, receiver) = (self.storage(), self.runtime.block_on(Receiver::start()));
+        let told = Told { url: receiver.url.clone(), events: Event::ALL.to_vec(), description: String::new() };
+        self.runtime.block_on(endpoints::create(&storage.records, "default", told)).unwrap();
+        self.runtime.block_on(storage.records.close());
+        receiver
     }
 
     /// A process that lives.

@@ -177,7 +177,11 @@ fn digest(secret: &str) -> String {
     hex(&Sha256::digest(secret.as_bytes()))
 }
 
-fn random<const N: usize>() -> Result<[u8; N], Error> {
+/// Bytes of chance.
+///
+/// # Errors
+/// The system has no randomness.
+pub fn random<const N: usize>() -> Result<[u8; N], Error> {
     let mut bytes = [0; N];
     getrandom::fill(&mut bytes).map_err(|error| Error::Records(error.to_string().into()))?;
     Ok(bytes)

@@ -29,16 +29,34 @@ pub enum Scope {
     JobsRead,
     /// Queue, cancel and delete jobs.
     JobsWrite,
+    /// See who is told of jobs, and how that went.
+    WebhooksRead,
+    /// Say who is told of jobs.
+    WebhooksWrite,
     /// See the numbers of the whole service, every tenant's together.
     MetricsRead,
 }
 
 impl Scope {
     /// All.
-    pub const ALL: [Scope; 5] =
-        [Scope::UploadsRead, Scope::UploadsWrite, Scope::JobsRead, Scope::JobsWrite, Scope::MetricsRead];
+    pub const ALL: [Scope; 7] = [
+        Scope::UploadsRead,
+        Scope::UploadsWrite,
+        Scope::JobsRead,
+        Scope::JobsWrite,
+        Scope::WebhooksRead,
+        Scope::WebhooksWrite,
+        Scope::MetricsRead,
+    ];
     /// What a tenant's own key is for when nothing is said: everything that is the tenant's.
-    pub const OF_A_TENANT: [Scope; 4] = [Scope::UploadsRead, Scope::UploadsWrite, Scope::JobsRead, Scope::JobsWrite];
+    pub const OF_A_TENANT: [Scope; 6] = [
+        Scope::UploadsRead,
+        Scope::UploadsWrite,
+        Scope::JobsRead,
+        Scope::JobsWrite,
+        Scope::WebhooksRead,
+        Scope::WebhooksWrite,
+    ];
 
     /// The word in rows, arguments and the contract.
     pub fn name(self) -> &'static str {
@@ -47,6 +65,8 @@ impl Scope {
             Scope::UploadsWrite => "uploads:write",
             Scope::JobsRead => "jobs:read",
             Scope::JobsWrite => "jobs:write",
+            Scope::WebhooksRead => "webhooks:read",
+            Scope::WebhooksWrite => "webhooks:write",
             Scope::MetricsRead => "metrics:read",
         }
     }

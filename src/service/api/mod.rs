@@ -16,6 +16,8 @@ pub mod ray_sets;
 pub mod uploads;
 /// What their requests and answers are made of.
 pub mod tus;
+/// Ray files from elsewhere.
+pub mod ingest;
 /// The queries that files are sent with.
 pub mod sending;
 /// Spectra of channels.
@@ -28,6 +30,10 @@ pub mod submission;
 pub mod events;
 /// What a job gave.
 pub mod artifacts;
+/// Who is told that jobs have ended.
+pub mod webhooks;
+/// What they were told.
+pub mod deliveries;
 /// Whether the service lives and works.
 pub mod health;
 /// Numbers for who watches over it.
@@ -39,6 +45,7 @@ pub mod docs;
 
 use super::access::{Door, Scope};
 use super::connections::Peer;
+use super::ingest::Ingest;
 use super::jobs::queue::Queue;
 use super::jobs::watcher::Watcher;
 use super::metrics::Metrics;
@@ -46,6 +53,8 @@ use super::storage::Storage;
 use super::storage::space::Space;
 use super::upload::Intake;
 use super::upload::resume::Uploads;
+use super::webhooks::dispatcher::Dispatcher;
+use super::webhooks::{EndedJob, Message};
 use access::{needs, needs_one_of, needs_only};
 use admission::{admit, admit_but_waiting, kept, patient};
 use axum::extract::Request;
@@ -75,6 +84,8 @@ pub const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
 /// Uploads at once: each holds a part in memory.
 const UPLOADS: usize = 16;
+/// Files fetched at once.
+const INGESTS: usize = 8;
 /// Reads at once.
 const READS: usize = 256;
 /// How long a browser may remember what a page of another origin may do.
@@ -89,6 +100,10 @@ pub struct Api {
     pub queue: Queue,
     /// Tells of jobs that change.
     pub watcher: Watcher,
+    /// Tells others that jobs have ended.
+    pub dispatcher: Dispatcher,
+    /// Fetches ray files.
+    pub ingest: Ingest,
     /// Takes ray files in.
     pub intake: Intake,
     /// Takes those in that can be resumed.
@@ -128,20 +143,22 @@ pub struct Binary(#[expect(dead_code, reason = "a schema, never a value")] Vec<u
         (name = "spectra", description = "Spectra of channels, from files of their own"),
         (name = "jobs", description = "What is to be computed, how far it is, and why it failed"),
         (name = "artifacts", description = "What a job gave"),
+        (name = "webhooks", description = "Who is told that jobs have ended"),
         (name = "health", description = "Whether the service lives and works"),
     ),
-    components(schemas(events::JobProgress)),
+    components(schemas(events::JobProgress, Message<EndedJob>)),
 )]
 struct Contract;
 
 /// Every route of the contract, and the scope a key needs for it.
 fn routes() -> OpenApiRouter<Api> {
-    use Scope::{JobsRead, JobsWrite, UploadsRead, UploadsWrite};
+    use Scope::{JobsRead, JobsWrite, UploadsRead, UploadsWrite, WebhooksRead, WebhooksWrite};
     let uploads = OpenApiRouter::new()
         .routes(needs(UploadsWrite, routes!(ray_sets::upload)))
         .routes(needs(UploadsWrite, routes!(uploads::create)))
         .routes(needs(UploadsWrite, routes!(uploads::append)));
     let spectra = OpenApiRouter::new().routes(needs(UploadsWrite, routes!(spectra::upload)));
+    let ingests = OpenApiRouter::new().routes(needs(UploadsWrite, routes!(ingest::ingest)));
     let reads = OpenApiRouter::new()
         .routes(needs(UploadsRead, routes!(ray_sets::list)))
         .routes(needs(UploadsRead, routes!(ray_sets::get)))
@@ -156,7 +173,15 @@ fn routes() -> OpenApiRouter<Api> {
         .routes(needs(JobsRead, routes!(jobs::list)))
         .routes(needs(JobsRead, routes!(artifacts::list)))
         .routes(needs(JobsRead, routes!(artifacts::download)))
-        .routes(needs(JobsRead, routes!(artifacts::download_zip)));
+        .routes(needs(JobsRead, routes!(artifacts::download_zip)))
+        .routes(needs(WebhooksWrite, routes!(webhooks::create)))
+        .routes(needs(WebhooksRead, routes!(webhooks::list)))
+        .routes(needs(WebhooksRead, routes!(webhooks::get)))
+        .routes(needs(WebhooksWrite, routes!(webhooks::change)))
+        .routes(needs(WebhooksWrite, routes!(webhooks::rotate)))
+        .routes(needs(WebhooksWrite, routes!(deliveries::ping)))
+        .routes(needs(WebhooksRead, routes!(deliveries::list)))
+        .routes(needs(WebhooksWrite, routes!(deliveries::redeliver)));
     let waits = OpenApiRouter::new().routes(needs(JobsRead, routes!(jobs::get)));
     // Bounded by the watcher for as long as they last.
     let streams = OpenApiRouter::new().routes(needs(JobsRead, routes!(events::events)));
@@ -165,12 +190,14 @@ fn routes() -> OpenApiRouter<Api> {
         .routes(needs_only(UploadsWrite, routes!(ray_sets::delete)))
         .routes(needs_only(UploadsWrite, routes!(uploads::delete)))
         .routes(needs_only(UploadsWrite, routes!(spectra::delete)))
+        .routes(needs_only(WebhooksWrite, routes!(webhooks::delete)))
         .routes(needs_only(JobsWrite, routes!(jobs::cancel)))
         .routes(needs_only(JobsWrite, routes!(jobs::delete)));
     let places = |at_once| Arc::new(Semaphore::new(at_once));
     let reading = places(READS);
     OpenApiRouter::with_openapi(Contract::openapi())
         .merge(admit(kept(uploads), &places(UPLOADS)))
+        .merge(admit(ingests, &places(INGESTS)))
         .merge(admit(patient(kept(spectra)), &places(UPLOADS)))
         .merge(admit(patient(reads), &reading))
         .merge(admit_but_waiting(waits, &reading))

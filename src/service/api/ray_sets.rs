@@ -196,9 +196,14 @@ pub async fn upload(
         tracing::error!(%error, "an upload stopped");
         Problem::internal()
     })??;
+    known(&reader, taken).await
+}
+
+/// The answer to whoever brought these ray sets.
+pub(super) async fn known(api: &Api, taken: upload::Taken) -> Result<Response, Problem> {
     let mut answer = Taken { ray_sets: Vec::new(), left_out: taken.left_out };
     for row in taken.ray_sets {
-        answer.ray_sets.push(RaySet::inspected(&reader, row).await?);
+        answer.ray_sets.push(RaySet::inspected(api, row).await?);
     }
     let location = match answer.ray_sets.as_slice() {
         [ray_set] => ray_set.links.this.clone(),
@@ -424,7 +429,8 @@ fn file_name(disposition: &str) -> Option<String> {
     extended.or_else(|| parameter("filename"))
 }
 
-fn percent_decoded(text: &str) -> String {
+/// `%20` and its like as what they stand for.
+pub(super) fn percent_decoded(text: &str) -> String {
     let mut bytes = Vec::new();
     let mut rest = text.bytes();
     while let Some(byte) = rest.next() {
@@ -442,7 +448,7 @@ fn percent_decoded(text: &str) -> String {
 }
 
 /// A name without folders and control characters.
-fn plain(name: &str, nameless: &str) -> Result<String, Problem> {
+pub(super) fn plain(name: &str, nameless: &str) -> Result<String, Problem> {
     if name.chars().count() > MAX_NAME_CHARS {
         return Err(Problem::out_of_range("name", "at most 255 characters long"));
     }

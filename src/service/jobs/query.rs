@@ -2,6 +2,7 @@
 
 use super::super::storage::Error;
 use super::super::storage::records::{Records, Row, sql};
+use super::super::webhooks::deliveries;
 use super::channels::{Channel, TotalFlux};
 use super::options::JobOptions;
 use super::{Failure, Priority, State, StoredNotice};
@@ -342,6 +343,8 @@ pub struct Backlog {
     pub tenants_waiting: u64,
     /// Waiting jobs of the tenant that has most.
     pub longest_tenant_queue: u64,
+    /// Deliveries to webhooks that wait.
+    pub deliveries: u64,
 }
 
 /// What waits and what runs.
@@ -353,7 +356,7 @@ pub async fn backlog(records: &Records) -> Result<Backlog, Error> {
         let ms = row.optional_number(since)?.map_or(0, |since_ms| row.number("now_ms").unwrap_or(0) - since_ms);
         Ok::<_, Error>(Duration::from_millis(ms.max(0).unsigned_abs()))
     };
-    let mut backlog = Backlog::default();
+    let mut backlog = Backlog { deliveries: deliveries::backlog(records).await?, ..Backlog::default() };
     let queued = "SELECT tenant, COUNT(*) AS jobs, MIN(created_ms) AS since_ms, {now} AS now_ms FROM jobs \
                   WHERE state = 'queued' GROUP BY tenant";
     for row in &records.read(sql(queued)).await? {

@@ -6,6 +6,7 @@ use super::super::crash;
 use super::super::metrics::Metrics;
 use super::super::storage::records::sql;
 use super::super::storage::{self, Storage, job_folder, new_id};
+use super::super::webhooks::announcement;
 use super::channels::NewJob;
 use super::memory::{Held, Memory, TooLarge};
 use super::prospect::{Prospect, prospect};
@@ -328,7 +329,7 @@ impl Queue {
         Err(self.refusal(tenant, id).await?)
     }
 
-    /// Forgets an ended job: rows first, then blobs.
+    /// Forgets an ended job: announces it, if nobody has yet; then rows first, then blobs.
     ///
     /// # Errors
     /// [`Error::Missing`]; [`Error::State`] when it has not ended; [`Error::Storage`].
@@ -344,7 +345,11 @@ impl Queue {
         let delete = "DELETE FROM jobs WHERE tenant = $1 AND id = $2 AND state IN ('succeeded', 'failed', 'cancelled') \
                       AND ($3 = 0 OR COALESCE(used_ms, 0) <= {now} - $3)";
         let age_ms = i64::try_from(age.as_millis()).unwrap_or(i64::MAX);
-        if self.storage.records.write(sql(delete).bind(tenant).bind(id).bind(age_ms)).await? == 0 {
+        let mut transaction = self.storage.records.begin().await?;
+        announcement::announce_one(&mut transaction, tenant, id).await?;
+        let deleted = transaction.write(sql(delete).bind(tenant).bind(id).bind(age_ms)).await?;
+        transaction.commit().await?;
+        if !self.told(deleted) {
             return Err(self.refusal(tenant, id).await?);
         }
         Ok(self.storage.blobs.delete_all(&job_folder(id)).await?)

@@ -119,6 +119,20 @@ impl Blobs {
         Ok(self.store.get_opts(&Path::from(key), options).await?.into_stream().map_err(Error::from).boxed())
     }
 
+    /// A whole object that somebody else has written, its length and its bytes as they come; `None` when there is none.
+    ///
+    /// # Errors
+    /// The store did not answer.
+    pub async fn whole(&self, key: &str) -> Result<Option<(u64, BoxStream<'static, Result<Bytes, Error>>)>, Error> {
+        // As it is written: another's keys are not made of our words.
+        let Ok(path) = Path::parse(key) else { return Ok(None) };
+        match self.store.get(&path).await {
+            Ok(object) => Ok(Some((object.meta.size, object.into_stream().map_err(Error::from).boxed()))),
+            Err(object_store::Error::NotFound { .. }) => Ok(None),
+            Err(error) => Err(error.into()),
+        }
+    }
+
     /// Deletes a blob; one that is gone already is no error.
     ///
     /// # Errors

@@ -2,6 +2,8 @@
 
 /// What can go wrong with an upload that is to be resumed.
 mod uploads;
+/// Problems of what is elsewhere.
+mod elsewhere;
 
 use super::super::access::keys::Refusal;
 use super::super::access::quota::Exceeded;

@@ -1,0 +1,375 @@
+//! Requests to elsewhere: the only folder that names reqwest. Where a tenant says what to ask, it could be this machine, its
+//! network or its cloud. So the name is resolved here, every address it has is judged, and the connection goes to those very
+//! addresses: a name that leads elsewhere a moment later changes nothing. Redirects are judged like first addresses, or not
+//! followed. Nothing of the environment (proxies) is heeded.
+
+/// Which addresses are whose.
+mod addresses;
+
+pub use addresses::Exception;
+
+use super::tls;
+use addresses::is_global;
+use bytes::Bytes;
+use futures::StreamExt;
+use futures::future::BoxFuture;
+use futures::stream::BoxStream;
+use reqwest::dns::{Addrs, Name, Resolve, Resolving};
+use reqwest::{Client, Response, Url, header, redirect};
+use std::io;
+use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::net::lookup_host;
+use tokio::time::timeout;
+
+/// Longest time until a connection stands.
+const CONNECT: Duration = Duration::from_secs(10);
+/// Longest time until an answer begins.
+const ANSWER: Duration = Duration::from_secs(30);
+/// Redirects followed where any are.
+const MAX_REDIRECTS: usize = 3;
+/// What is read of an answer that is only kept to be looked at, bytes.
+const KEPT_BYTES: usize = 2048;
+/// Longest address, characters.
+const MAX_URL_CHARS: usize = 2048;
+
+/// Why an address is not asked, or gave nothing.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Error {
+    /// Not an address that can be asked.
+    #[error("{0}")]
+    Url(String),
+    /// The address is not the internet's.
+    #[error("{host} leads to {address}, which is not an address of the internet")]
+    Refused {
+        /// Who was asked for.
+        host: String,
+        /// Where that leads.
+        address: IpAddr,
+    },
+    /// No connection, or no answer in time.
+    #[error("{0}")]
+    Unreachable(String),
+    /// It leads on and on.
+    #[error("more than {MAX_REDIRECTS} redirects")]
+    Redirects,
+}
+
+/// An answer, and the beginning of what it says.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Answer {
+    /// HTTP status.
+    pub status: u16,
+    /// When to ask again, if it says so in seconds.
+    pub retry_after: Option<Duration>,
+    /// The beginning of its body.
+    pub beginning: String,
+}
+
+/// A file that comes from elsewhere.
+pub struct Download {
+    /// HTTP status.
+    pub status: u16,
+    /// Its length, bytes, where known.
+    pub byte_count: Option<u64>,
+    /// Its bytes, as they come.
+    pub body: BoxStream<'static, Result<Bytes, String>>,
+}
+
+/// Asks elsewhere. Cheap to clone.
+#[derive(Clone)]
+pub struct Outbound {
+    client: Client,
+    guard: Guard,
+}
+
+impl Outbound {
+    /// Asks addresses of the internet, and `exceptions`.
+    ///
+    /// # Errors
+    /// TLS cannot be had.
+    pub fn new(exceptions: Vec<Exception>) -> Result<Outbound, Error> {
+        Outbound::with(Guard { exceptions: exceptions.into(), lookup: Arc::new(system_lookup) })
+    }
+
+    fn with(guard: Guard) -> Result<Outbound, Error> {
+        tls::install();
+        let client = Client::builder().dns_resolver(guard.clone()).no_proxy().redirect(redirect::Policy::none());
+        let client = client.connect_timeout(CONNECT).referer(false).pool_idle_timeout(CONNECT);
+        let client = client.user_agent(concat!("lampwright/", env!("CARGO_PKG_VERSION"))).build();
+        Ok(Outbound { client: client.map_err(unreachable)?, guard })
+    }
+
+    /// Whether `url` can be asked, as far as it says itself: what its name leads to is judged when it is asked.
+    ///
+    /// # Errors
+    /// [`Error::Url`], [`Error::Refused`].
+    pub fn judge(&self, url: &str) -> Result<(), Error> {
+        self.judged(url).map(drop)
+    }
+
+    fn judged(&self, url: &str) -> Result<Url, Error> {
+        let wrong = |found: &str| Err(Error::Url(found.to_owned()));
+        if url.len() > MAX_URL_CHARS {
+            return wrong("the address is longer than 2048 characters");
+        }
+        if url.contains(char::is_control) {
+            return wrong("the address holds control characters");
+        }
+        let parsed = Url::parse(url).map_err(|error| Error::Url(format!("not an address: {error}")))?;
+        if !parsed.username().is_empty() || parsed.password().is_some() {
+            return wrong("the address holds a name or a password");
+        }
+        let Some((name, literal)) = host(&parsed) else { return wrong("the address names no host") };
+        // The resolver is not asked about what is an address already.
+        if let Some(address) = literal {
+            self.guard.admit(&name, address)?;
+        }
+        let known = |exception: &Exception| match literal {
+            Some(address) => exception.has_address(address),
+            None => exception.has_host(&name),
+        };
+        match parsed.scheme() {
+            "https" => Ok(parsed),
+            // Who listens in there is the operator's business.
+            "http" if self.guard.exceptions.iter().any(known) => Ok(parsed),
+            "http" => wrong("http is for exceptions that the operator has made; use https"),
+            other => wrong(&format!("{other} is not https")),
+        }
+    }
+
+    /// Posts JSON; any answer is an answer, a redirect too.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn post(
+        &self,
+        url: &str,
+        headers: &[(&str, String)],
+        body: String,
+        longest: Duration,
+    ) -> Result<Answer, Error> {
+        let mut request = self.client.post(self.judged(url)?).header(header::CONTENT_TYPE, "application/json");
+        for (name, value) in headers {
+            request = request.header(*name, value);
+        }
+        let asked = async {
+            let mut response = request.body(body).send().await.map_err(unreachable)?;
+            let mut beginning = Vec::new();
+            // The status is what counts; a body that breaks off is as good as one that ends.
+            while let Ok(Some(piece)) = response.chunk().await
+                && beginning.len() < KEPT_BYTES
+            {
+                beginning.extend_from_slice(&piece);
+            }
+            beginning.truncate(KEPT_BYTES);
+            Ok(Answer {
+                status: response.status().as_u16(),
+                retry_after: seconds(&response),
+                beginning: String::from_utf8_lossy(&beginning).replace('\0', "\u{fffd}"),
+            })
+        };
+        let silent = || Error::Unreachable(format!("no answer within {} s", longest.as_secs_f64()));
+        timeout(longest, asked).await.unwrap_or_else(|_| Err(silent()))
+    }
+
+    /// Gets a file, by a few redirects if need be; whatever it answers at the end, also an error.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn get(&self, url: &str) -> Result<Download, Error> {
+        let mut at = self.judged(url)?;
+        for _ in 0..=MAX_REDIRECTS {
+            let silent = |_| Error::Unreachable(format!("no answer within {} s", ANSWER.as_secs()));
+            let response = timeout(ANSWER, self.client.get(at.clone()).send()).await.map_err(silent)?;
+            let response = response.map_err(unreachable)?;
+            match next(&response) {
+                Some(next) => at = self.judged(&next?)?,
+                None => return Ok(download(response)),
+            }
+        }
+        Err(Error::Redirects)
+    }
+}
+
+/// Where a redirect leads, against the address it was got from.
+fn next(response: &Response) -> Option<Result<String, Error>> {
+    if !matches!(response.status().as_u16(), 301 | 302 | 303 | 307 | 308) {
+        return None;
+    }
+    let to = response.headers().get(header::LOCATION)?;
+    let joined = to.to_str().ok().and_then(|to| response.url().join(to).ok());
+    Some(joined.map(Into::into).ok_or_else(|| Error::Url("a redirect that leads to no address".to_owned())))
+}
+
+fn download(response: Response) -> Download {
+    let (status, byte_count) = (response.status().as_u16(), response.content_length());
+    let body = response.bytes_stream().map(|piece| piece.map_err(|error| sentence(&error)));
+    Download { status, byte_count, body: body.boxed() }
+}
+
+fn seconds(response: &Response) -> Option<Duration> {
+    let value = response.headers().get(header::RETRY_AFTER)?.to_str().ok()?;
+    value.trim().parse().ok().map(Duration::from_secs)
+}
+
+/// Why nothing came: a refusal of ours, if it was one.
+fn unreachable(error: reqwest::Error) -> Error {
+    let mut cause: Option<&(dyn std::error::Error + 'static)> = Some(&error);
+    while let Some(inner) = cause {
+        if let Some(refused) = inner.downcast_ref::<Error>() {
+            return refused.clone();
+        }
+        cause = inner.source();
+    }
+    Error::Unreachable(sentence(&error))
+}
+
+/// The last and most particular reason; the address is the caller's to tell.
+fn sentence(error: &reqwest::Error) -> String {
+    let mut cause: &dyn std::error::Error = error;
+    while let Some(inner) = cause.source() {
+        cause = inner;
+    }
+    cause.to_string()
+}
+
+/// The host of an address as it is written, and as an address where it is one.
+fn host(url: &Url) -> Option<(String, Option<IpAddr>)> {
+    let name = url.host_str()?;
+    let literal = name.trim_start_matches('[').trim_end_matches(']').parse().ok();
+    Some((name.to_owned(), literal))
+}
+
+/// How a name is looked up.
+type Lookup = Arc<dyn Fn(String) -> BoxFuture<'static, io::Result<Vec<IpAddr>>> + Send + Sync>;
+
+fn system_lookup(name: String) -> BoxFuture<'static, io::Result<Vec<IpAddr>>> {
+    Box::pin(async move { Ok(lookup_host((name, 0)).await?.map(|found| found.ip()).collect()) })
+}
+
+/// Looks names up, and judges what they lead to.
+#[derive(Clone)]
+struct Guard {
+    exceptions: Arc<[Exception]>,
+    lookup: Lookup,
+}
+
+impl Guard {
+    fn admit(&self, host: &str, address: IpAddr) -> Result<(), Error> {
+        let known = |exception: &Exception| exception.has_address(address) || exception.has_host(host);
+        match is_global(address) || self.exceptions.iter().any(known) {
+            true => Ok(()),
+            false => Err(Error::Refused { host: host.to_owned(), address }),
+        }
+    }
+}
+
+impl Resolve for Guard {
+    fn resolve(&self, name: Name) -> Resolving {
+        let guard = self.clone();
+        Box::pin(async move {
+            let host = name.as_str().to_owned();
+            let found = (guard.lookup)(host.clone()).await?;
+            // One bad address among good ones is no accident.
+            for address in &found {
+                guard.admit(&host, *address)?;
+            }
+            let addresses: Addrs = Box::new(found.into_iter().map(|address| SocketAddr::new(address, 0)));
+            Ok(addresses)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Mutex;
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+    use tokio::net::TcpListener;
+
+    /// Looks up from a list, one answer after the other, and remembers what it was asked.
+    fn scripted(answers: &[&[&str]], exceptions: &[&str]) -> (Outbound, Arc<Mutex<Vec<String>>>) {
+        let asked: Arc<Mutex<Vec<String>>> = Arc::default();
+        let heard = Arc::clone(&asked);
+        let answers: Vec<Vec<IpAddr>> =
+            answers.iter().map(|list| list.iter().map(|text| text.parse().unwrap()).collect()).collect();
+        let lookup: Lookup = Arc::new(move |name| {
+            let mut asked = heard.lock().unwrap();
+            asked.push(name);
+            let answer = answers[(asked.len() - 1).min(answers.len() - 1)].clone();
+            Box::pin(async move { Ok(answer) })
+        });
+        let exceptions = exceptions.iter().map(|text| text.parse().unwrap()).collect();
+        (Outbound::with(Guard { exceptions, lookup }).unwrap(), asked)
+    }
+
+    #[test]
+    fn an_address_that_cannot_be_meant_is_refused_before_anybody_is_asked() {
+        let outbound = Outbound::new(vec!["127.0.0.2".parse().unwrap(), "receiver.lab".parse().unwrap()]).unwrap();
+        for right in [
+            "https://example.org/a?b=c",
+            "https://[2606:4700::1111]:8443/",
+            "http://127.0.0.2:1/",
+            "http://receiver.lab/",
+        ] {
+            assert_eq!(outbound.judge(right), Ok(()), "{right}");
+        }
+        for (wrong, found) in [
+            ("", "not an address"),
+            ("example.org", "not an address"),
+            ("http://example.org/", "use https"),
+            ("ftp://example.org/", "ftp is not https"),
+            ("file:///etc/passwd", "names no host"),
+            ("https://user@example.org/", "a name or a password"),
+            ("https://:secret@example.org/", "a name or a password"),
+            ("https://127.0.0.1/", "not an address of the internet"),
+            // Loopback, as browsers read it.
+            ("https://127.1/", "not an address of the internet"),
+            ("https://2130706433/", "not an address of the internet"),
+            ("https://0x7f.0.0.1/", "not an address of the internet"),
+            ("https://0177.0.0.1/", "not an address of the internet"),
+            ("https://１２７.0.0.1/", "not an address of the internet"),
+            ("https://[::ffff:7f00:1]/", "not an address of the internet"),
+            ("https://[::1]/", "not an address of the internet"),
+            ("https://169.254.169.254/latest/meta-data", "not an address of the internet"),
+        ] {
+            let error = outbound.judge(wrong).unwrap_err().to_string();
+            assert!(error.contains(found), "{wrong}: {error}");
+        }
+        assert!(outbound.judge(&format!("https://example.org/{}", "x".repeat(2048))).is_err());
+    }
+
+    #[tokio::test]
+    async fn one_bad_address_among_good_ones_refuses_the_name() {
+        for answer in [&["10.0.0.1"][..], &["93.184.216.34", "192.168.0.1"], &["2606:4700::1111", "::1"]] {
+            let (outbound, _) = scripted(&[answer], &[]);
+            let error = outbound.get("https://rays.example/").await.err().unwrap();
+            let bad: IpAddr = answer.last().unwrap().parse().unwrap();
+            assert_eq!(error, Error::Refused { host: "rays.example".into(), address: bad });
+        }
+    }
+
+    #[tokio::test]
+    async fn the_connection_goes_to_the_address_that_was_judged() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let port = listener.local_addr().unwrap().port();
+        // Rebound after the first look: whoever looks twice gets a machine that nobody judged.
+        let (outbound, asked) = scripted(&[&["127.0.0.1"], &["10.0.0.1"]], &["127.0.0.0/8", "rays.example"]);
+        let served = async {
+            let (mut stream, _) = listener.accept().await.unwrap();
+            let mut request = vec![0; 1024];
+            let count = stream.read(&mut request).await.unwrap();
+            let answer = b"HTTP/1.1 200 OK\r\nContent-Length: 4\r\nConnection: close\r\n\r\nrays";
+            stream.write_all(answer).await.unwrap();
+            String::from_utf8(request[..count].to_vec()).unwrap()
+        };
+        let url = format!("http://rays.example:{port}/led");
+        let (download, request) = tokio::join!(outbound.get(&url), served);
+        let pieces: Vec<_> = download.unwrap().body.collect().await;
+        assert_eq!(pieces, [Ok(Bytes::from_static(b"rays"))]);
+        assert!(request.to_ascii_lowercase().contains(&format!("host: rays.example:{port}")), "{request}");
+        assert_eq!(*asked.lock().unwrap(), ["rays.example"]);
+    }
+}

@@ -1,0 +1,314 @@
+//! Rows of deliveries: what is to be told to whom, and how that went. A delivery is claimed as a job is, and ended by whoever holds
+//! its fence.
+
+use super::super::storage::Error;
+use super::super::storage::records::{Records, Row, Transaction, sql};
+use super::{PING, Policy};
+use std::time::Duration;
+
+/// Attempts at one endpoint at once: a slow one keeps the others waiting no longer than that.
+const AT_ONCE: i64 = 4;
+/// Over the longest attempt, until a claim is another's.
+const SLACK: Duration = Duration::from_secs(15);
+
+/// Longest rest that an endpoint may ask for.
+const LONGEST_REST: Duration = Duration::from_hours(24);
+
+/// Where a delivery is: words of its row.
+const WAITING: &str = "waiting";
+const DELIVERED: &str = "delivered";
+const FAILED: &str = "failed";
+
+/// One event for one endpoint.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Delivery {
+    /// UUIDv7; the `webhook-id` of every attempt.
+    pub id: String,
+    /// What is told.
+    pub event: String,
+    /// Of which job.
+    pub job: Option<String>,
+    /// waiting, delivered or failed.
+    pub state: String,
+    /// Attempts so far.
+    pub attempt: i64,
+    /// When the next is due, epoch ms, while it waits.
+    pub due_ms: Option<i64>,
+    /// When the last was made, epoch ms.
+    pub attempted_ms: Option<i64>,
+    /// What that was answered: an HTTP status.
+    pub status: Option<i64>,
+    /// The beginning of what came with it.
+    pub answer: Option<String>,
+    /// Why nothing was answered.
+    pub error: Option<String>,
+    /// When it was announced, epoch ms.
+    pub created_ms: i64,
+}
+
+/// A delivery to be attempted now.
+#[derive(Clone, Debug)]
+pub struct Sending {
+    /// The delivery.
+    pub id: String,
+    /// To which endpoint.
+    pub webhook: String,
+    /// Names this attempt among all of the delivery's.
+    pub fence: i64,
+    /// Which attempt this is, from 1.
+    pub attempt: i64,
+    /// What is told.
+    pub event: String,
+    /// In these words.
+    pub body: String,
+    /// Where.
+    pub url: String,
+    /// Who signs.
+    pub secrets: Vec<String>,
+    /// Now, by the database's clock, epoch s.
+    pub timestamp_s: i64,
+}
+
+/// How an attempt went.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Attempted {
+    /// HTTP status, if anything was answered.
+    pub status: Option<u16>,
+    /// The beginning of what came with it.
+    pub answer: Option<String>,
+    /// Why nothing was answered.
+    pub error: Option<String>,
+    /// When the endpoint wants to be asked again.
+    pub retry_after: Option<Duration>,
+}
+
+impl Attempted {
+    /// It was taken.
+    pub fn is_taken(&self) -> bool {
+        self.status.is_some_and(|status| (200..300).contains(&status))
+    }
+
+    /// There is nobody any more.
+    fn is_gone(&self) -> bool {
+        self.status == Some(410)
+    }
+}
+
+/// Takes a delivery that is due.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn claim(records: &Records, longest: Duration) -> Result<Option<Sending>, Error> {
+    let due = sql("SELECT id FROM deliveries WHERE state = 'waiting' AND due_ms <= {now} \
+                   AND COALESCE(lease_until_ms, 0) <= {now} LIMIT 1");
+    if records.read_one(due).await?.is_none() {
+        return Ok(None);
+    }
+    let claim = "UPDATE deliveries SET fence = fence + 1, attempt = attempt + 1, attempted_ms = {now}, \
+                 lease_until_ms = {now} + $1 WHERE id = (SELECT id FROM deliveries WHERE state = 'waiting' \
+                 AND due_ms <= {now} AND COALESCE(lease_until_ms, 0) <= {now} AND webhook_id NOT IN \
+                 (SELECT webhook_id FROM deliveries WHERE state = 'waiting' AND lease_until_ms > {now} \
+                  GROUP BY webhook_id HAVING COUNT(*) >= $2) \
+                 ORDER BY due_ms, id LIMIT 1 {skip_locked}) \
+                 RETURNING id, webhook_id, event, fence, attempt, body, {now} AS now_ms";
+    let mut transaction = records.begin().await?;
+    let claimed = transaction.read(sql(claim).bind(ms(longest + SLACK)).bind(AT_ONCE)).await?;
+    let Some(row) = claimed.first() else { return Ok(None) };
+    let webhook = row.text("webhook_id")?;
+    let select = "SELECT url, secret, CASE WHEN old_secret_until_ms > {now} THEN old_secret END AS other_secret \
+                  FROM webhooks WHERE id = $1";
+    let endpoint = transaction.read(sql(select).bind(webhook.as_str())).await?;
+    let Some(endpoint) = endpoint.first() else { return Ok(None) };
+    transaction.commit().await?;
+    Ok(Some(Sending {
+        id: row.text("id")?,
+        webhook,
+        fence: row.number("fence")?,
+        attempt: row.number("attempt")?,
+        event: row.text("event")?,
+        body: row.text("body")?,
+        url: endpoint.text("url")?,
+        secrets: std::iter::once(endpoint.text("secret")?).chain(endpoint.optional_text("other_secret")?).collect(),
+        timestamp_s: row.number("now_ms")?.div_euclid(1000),
+    }))
+}
+
+/// Ends the lease of every attempt: only right when no other process can be making any.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn recover(records: &Records) -> Result<(), Error> {
+    records.write(sql("UPDATE deliveries SET lease_until_ms = NULL WHERE lease_until_ms IS NOT NULL")).await?;
+    Ok(())
+}
+
+/// Notes how an attempt went, and disables an endpoint that is gone or has taken nothing for too long: what waits for it has then
+/// failed. False when the attempt was another's by then.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn end(records: &Records, sending: &Sending, how: &Attempted, policy: &Policy) -> Result<bool, Error> {
+    let mut transaction = records.begin().await?;
+    // The endpoint before its deliveries, everywhere: two that end at once wait for each other in this order only.
+    let disabled = match how.is_taken() {
+        true => {
+            let well = "UPDATE webhooks SET failing_since_ms = NULL WHERE id = $1 AND failing_since_ms IS NOT NULL";
+            transaction.write(sql(well).bind(sending.webhook.as_str())).await?;
+            false
+        }
+        false => failed(&mut transaction, sending, how, policy).await?,
+    };
+    let (state, wait) = match (how.is_taken(), wait(sending, how, policy)) {
+        (true, _) => (DELIVERED, Duration::ZERO),
+        (false, Some(wait)) if !disabled => (WAITING, wait),
+        (false, _) => (FAILED, Duration::ZERO),
+    };
+    let end = "UPDATE deliveries SET state = $1, due_ms = {now} + $2, lease_until_ms = NULL, status = NULLIF($3, -1), \
+               answer = $4, error = $5 WHERE id = $6 AND fence = $7 AND state = 'waiting'";
+    let end = sql(end).bind(state).bind(ms(wait)).bind(how.status.map_or(-1, i64::from)).bind(how.answer.as_deref());
+    let end = end.bind(how.error.as_deref()).bind(sending.id.as_str()).bind(sending.fence);
+    let ended = transaction.write(end).await? > 0;
+    if disabled {
+        let forgo = "UPDATE deliveries SET state = 'failed', error = 'the endpoint was disabled' \
+                     WHERE webhook_id = $1 AND state = 'waiting'";
+        transaction.write(sql(forgo).bind(sending.webhook.as_str())).await?;
+    }
+    transaction.commit().await?;
+    Ok(ended)
+}
+
+/// Notes that an endpoint did not take something; whether it is disabled for it.
+async fn failed(
+    transaction: &mut Transaction,
+    sending: &Sending,
+    how: &Attempted,
+    policy: &Policy,
+) -> Result<bool, Error> {
+    let failed = "UPDATE webhooks SET failing_since_ms = COALESCE(failing_since_ms, {now}), \
+                  disabled_why = CASE WHEN $1 = 1 THEN 'it answered 410 Gone' WHEN failing_since_ms <= {now} - $2 \
+                  THEN 'it has taken nothing for too long' END \
+                  WHERE id = $3 AND disabled_why IS NULL RETURNING disabled_why";
+    let failed = sql(failed).bind(i64::from(how.is_gone())).bind(ms(policy.give_up)).bind(sending.webhook.as_str());
+    let rows = transaction.read(failed).await?;
+    let why = rows.first().map(|row| row.optional_text("disabled_why")).transpose()?.flatten();
+    if let Some(why) = &why {
+        tracing::warn!(webhook = sending.webhook, why, "an endpoint is told nothing any more");
+    }
+    Ok(why.is_some())
+}
+
+/// How long to wait before the next attempt; `None` when this was the last.
+fn wait(sending: &Sending, how: &Attempted, policy: &Policy) -> Option<Duration> {
+    if sending.event == PING {
+        return None;
+    }
+    let done = usize::try_from(sending.attempt).unwrap_or(usize::MAX).saturating_sub(1);
+    let wait = policy.waits.get(done)?;
+    // Up to a fifth more, so that what failed together is not tried together; by the random part of the id.
+    let random = sending.id.rsplit('-').next().and_then(|hex| u64::from_str_radix(hex, 16).ok()).unwrap_or(0);
+    let jitter = wait.mul_f64((random % 1000) as f64 / 5000.0);
+    let asked = how.retry_after.filter(|_| matches!(how.status, Some(429 | 503))).unwrap_or_default();
+    Some((*wait + jitter).max(asked.min(LONGEST_REST)))
+}
+
+/// Tells it again, at once and from its first attempt, whatever came of it. False when there is no such delivery to an endpoint of
+/// `tenant` that is told anything.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn redeliver(records: &Records, tenant: &str, webhook: &str, id: &str) -> Result<bool, Error> {
+    let again = "UPDATE deliveries SET state = 'waiting', attempt = 0, due_ms = {now} WHERE webhook_id = $1 AND id = $2 \
+                 AND webhook_id IN (SELECT id FROM webhooks WHERE tenant = $3 AND disabled_why IS NULL)";
+    Ok(records.write(sql(again).bind(webhook).bind(id).bind(tenant)).await? > 0)
+}
+
+/// A delivery to the endpoint `webhook`, whose tenant is known.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn get(records: &Records, webhook: &str, id: &str) -> Result<Option<Delivery>, Error> {
+    let select = sql("SELECT * FROM deliveries WHERE webhook_id = $1 AND id = $2");
+    records.read_one(select.bind(webhook).bind(id)).await?.as_ref().map(delivery).transpose()
+}
+
+/// At most `limit` deliveries to the endpoint `webhook`, whose tenant is known, older than the one called `before`, newest first.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn list(records: &Records, webhook: &str, before: Option<&str>, limit: i64) -> Result<Vec<Delivery>, Error> {
+    let select = "SELECT * FROM deliveries WHERE webhook_id = $1 AND ($2 IS NULL OR id < $2) ORDER BY id DESC LIMIT $3";
+    records.read(sql(select).bind(webhook).bind(before).bind(limit)).await?.iter().map(delivery).collect()
+}
+
+fn delivery(row: &Row) -> Result<Delivery, Error> {
+    let state = row.text("state")?;
+    Ok(Delivery {
+        id: row.text("id")?,
+        event: row.text("event")?,
+        job: row.optional_text("job_id")?,
+        attempt: row.number("attempt")?,
+        due_ms: if state == WAITING { Some(row.number("due_ms")?) } else { None },
+        attempted_ms: row.optional_number("attempted_ms")?,
+        status: row.optional_number("status")?,
+        answer: row.optional_text("answer")?,
+        error: row.optional_text("error")?,
+        created_ms: row.number("created_ms")?,
+        state,
+    })
+}
+
+/// Forgets what was told longer ago than `keep`; how much.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn forget(records: &Records, keep: Duration) -> Result<u64, Error> {
+    let old = "DELETE FROM deliveries WHERE created_ms <= {now} - $1 AND state <> 'waiting'";
+    records.write(sql(old).bind(ms(keep))).await
+}
+
+/// Deliveries that wait, in all processes together.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn backlog(records: &Records) -> Result<u64, Error> {
+    let count = records.read_one(sql("SELECT COUNT(*) AS waiting FROM deliveries WHERE state = 'waiting'")).await?;
+    count.map_or(Ok(0), |row| row.count("waiting"))
+}
+
+fn ms(time: Duration) -> i64 {
+    i64::try_from(time.as_millis()).unwrap_or(i64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sending(attempt: i64, event: &str) -> Sending {
+        // The random part is 500 of 1000: half of the jitter.
+        let id = "0190b5a0-0000-7000-8000-0000000001f4".to_owned();
+        let (webhook, body, url) = (String::new(), String::new(), String::new());
+        Sending { id, webhook, fence: 1, attempt, event: event.into(), body, url, secrets: Vec::new(), timestamp_s: 0 }
+    }
+
+    #[test]
+    fn attempts_come_ever_later_and_end_and_the_endpoint_is_heard() {
+        let policy = Policy::default();
+        let waited = |attempt, how: &Attempted| wait(&sending(attempt, "job.failed"), how, &policy);
+        let refused = Attempted { status: Some(500), ..Attempted::default() };
+        // 5 s and a tenth, 5 min and a tenth, .. 24 h and a tenth, and no more.
+        assert_eq!(waited(1, &refused), Some(Duration::from_millis(5500)));
+        assert_eq!(waited(2, &refused), Some(Duration::from_secs(330)));
+        assert_eq!(waited(9, &refused), Some(Duration::from_secs(24 * 3960)));
+        assert_eq!(waited(10, &refused), None);
+        let later = |status, s| Attempted {
+            status: Some(status),
+            retry_after: Some(Duration::from_secs(s)),
+            ..refused.clone()
+        };
+        assert_eq!(waited(1, &later(503, 120)), Some(Duration::from_secs(120)));
+        assert_eq!(waited(1, &later(429, 1)), Some(Duration::from_millis(5500)));
+        assert_eq!(waited(1, &later(500, 120)), Some(Duration::from_millis(5500)), "only where it means that");
+        assert_eq!(waited(1, &later(503, u64::MAX)), Some(Duration::from_hours(24)), "but not for ever");
+        assert_eq!(wait(&sending(1, PING), &refused, &policy), None);
+    }
+}

@@ -1,0 +1,127 @@
+//! Tells endpoints what is due. Every process does, and which of them does not matter: a delivery is leased to one of them.
+
+use super::super::crash;
+use super::super::metrics::Metrics;
+use super::super::outbound::Outbound;
+use super::super::storage::Error;
+use super::super::storage::records::Records;
+use super::deliveries::{self, Attempted, Sending};
+use super::{Policy, announcement, signature};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::{Notify, watch};
+use tokio::task::JoinSet;
+use tokio::time::{Instant, sleep};
+
+/// Attempts of this process at once.
+const AT_ONCE: usize = 16;
+/// Least time between two looks: what ends together is announced together.
+const GAP: Duration = Duration::from_millis(50);
+/// How often what was told too long ago is forgotten.
+const FORGETTING: Duration = Duration::from_hours(1);
+
+/// Announces, tells and forgets. Cheap to clone.
+#[derive(Clone)]
+pub struct Dispatcher {
+    records: Records,
+    outbound: Outbound,
+    policy: Arc<Policy>,
+    metrics: Metrics,
+    wake: Arc<Notify>,
+}
+
+impl Dispatcher {
+    /// Tells what `records` say, by `outbound`.
+    pub fn new(records: Records, outbound: Outbound, policy: Policy, metrics: Metrics) -> Dispatcher {
+        Dispatcher { records, outbound, policy: Arc::new(policy), metrics, wake: Arc::default() }
+    }
+
+    /// How deliveries are made.
+    pub fn policy(&self) -> &Policy {
+        &self.policy
+    }
+
+    /// Asks elsewhere.
+    pub fn outbound(&self) -> &Outbound {
+        &self.outbound
+    }
+
+    /// There may be something to tell.
+    pub fn wake(&self) {
+        self.wake.notify_one();
+    }
+
+    /// Tells as long as the service lives: when this process `changes` a job, and every `poll` for what others changed and what is
+    /// due again.
+    pub async fn keep_up(self, mut changes: watch::Receiver<()>, poll: Duration) {
+        let mut sending = JoinSet::new();
+        let mut forget_at = Instant::now();
+        loop {
+            if let Err(error) = self.look(&mut sending).await {
+                tracing::warn!(%error, "cannot see what is to be told; trying again later");
+            }
+            if Instant::now() >= forget_at {
+                forget_at = Instant::now() + FORGETTING;
+                if let Err(error) = deliveries::forget(&self.records, self.policy.keep).await {
+                    tracing::warn!(%error, "cannot forget what was told long ago; trying again later");
+                }
+            }
+            sleep(GAP).await;
+            tokio::select! {
+                _ = changes.changed() => {}
+                () = self.wake.notified() => {}
+                _ = sending.join_next(), if !sending.is_empty() => {}
+                () = sleep(poll) => {}
+            }
+        }
+    }
+
+    /// Announces what has ended, and begins what is due.
+    async fn look(&self, sending: &mut JoinSet<()>) -> Result<(), Error> {
+        while announcement::announce(&self.records).await? > 0 {}
+        while sending.try_join_next().is_some() {}
+        while sending.len() < AT_ONCE
+            && let Some(next) = deliveries::claim(&self.records, self.policy.longest).await?
+        {
+            sending.spawn(self.clone().send(next));
+        }
+        Ok(())
+    }
+
+    /// One attempt.
+    async fn send(self, sending: Sending) {
+        let how = self.attempt(&sending).await;
+        crash::point("deliver.answered");
+        self.metrics.told(how.is_taken());
+        tracing::info!(delivery = sending.id, webhook = sending.webhook, attempt = sending.attempt, ?how, "told");
+        // A delivery whose end is not noted is another's when its lease is over, and told again.
+        match deliveries::end(&self.records, &sending, &how, &self.policy).await {
+            Ok(true) => {}
+            Ok(false) => tracing::warn!(delivery = sending.id, "an attempt was another's before it ended"),
+            Err(error) => tracing::warn!(delivery = sending.id, %error, "cannot note how an attempt went"),
+        }
+    }
+
+    async fn attempt(&self, sending: &Sending) -> Attempted {
+        let failed = |error: String| Attempted { error: Some(error), ..Attempted::default() };
+        let Sending { id, timestamp_s, body, secrets, .. } = sending;
+        let signature = match signature::sign(secrets, id, *timestamp_s, body) {
+            Ok(signature) => signature,
+            Err(error) => return failed(error.to_string()),
+        };
+        let headers = [
+            ("webhook-id", id.clone()),
+            ("webhook-timestamp", timestamp_s.to_string()),
+            ("webhook-signature", signature),
+        ];
+        match self.outbound.post(&sending.url, &headers, body.clone(), self.policy.longest).await {
+            Ok(answer) => Attempted {
+                status: Some(answer.status),
+                answer: Some(answer.beginning),
+                error: None,
+                retry_after: answer.retry_after,
+            },
+            Err(error) => failed(error.to_string()),
+        }
+    }
+}

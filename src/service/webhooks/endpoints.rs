@@ -1,0 +1,131 @@
+//! Rows of endpoints.
+
+use super::super::storage::records::{Records, Row, sql};
+use super::super::storage::{Error, new_id};
+use super::{Event, signature};
+use std::time::Duration;
+
+/// Most endpoints of a tenant: each is told of every job.
+pub const MOST: i64 = 20;
+
+/// Where a tenant hears of its jobs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Endpoint {
+    /// UUIDv7.
+    pub id: String,
+    /// Where to post.
+    pub url: String,
+    /// What it hears of.
+    pub events: Vec<Event>,
+    /// What a person says of it.
+    pub description: String,
+    /// Since when it has taken nothing, epoch ms; `None` while it does.
+    pub failing_since_ms: Option<i64>,
+    /// Why it is told nothing any more.
+    pub disabled_why: Option<String>,
+    /// Until when the secret before signs too, epoch ms.
+    pub old_secret_until_ms: Option<i64>,
+    /// When it was made, epoch ms.
+    pub created_ms: i64,
+}
+
+/// What may be said of an endpoint.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Told {
+    /// Where to post.
+    pub url: String,
+    /// What it hears of.
+    pub events: Vec<Event>,
+    /// What a person says of it.
+    pub description: String,
+}
+
+fn endpoint(row: &Row) -> Result<Endpoint, Error> {
+    Ok(Endpoint {
+        id: row.text("id")?,
+        url: row.text("url")?,
+        events: events(&row.text("events")?),
+        description: row.text("description")?,
+        failing_since_ms: row.optional_number("failing_since_ms")?,
+        disabled_why: row.optional_text("disabled_why")?,
+        old_secret_until_ms: row.optional_number("old_secret_until_ms")?,
+        created_ms: row.number("created_ms")?,
+    })
+}
+
+/// Events as a row has them; one of a newer version is told to nobody here.
+pub(super) fn events(text: &str) -> Vec<Event> {
+    text.split(' ').filter_map(Event::parse).collect()
+}
+
+fn names(events: &[Event]) -> String {
+    events.iter().map(|event| event.name()).collect::<Vec<_>>().join(" ")
+}
+
+/// Makes an endpoint of `tenant`, and its secret; `None` when it has as many as it may.
+///
+/// # Errors
+/// The database did not answer; the system has no randomness.
+pub async fn create(records: &Records, tenant: &str, told: Told) -> Result<Option<(Endpoint, String)>, Error> {
+    let secret = signature::secret()?;
+    let insert = "INSERT INTO webhooks (id, tenant, url, events, description, secret, created_ms) \
+                  SELECT $1, $2, $3, $4, $5, $6, {now} \
+                  WHERE (SELECT COUNT(*) FROM webhooks WHERE tenant = $2) < $7 RETURNING *";
+    let insert = sql(insert).bind(new_id()).bind(tenant).bind(told.url).bind(names(&told.events));
+    let insert = insert.bind(told.description).bind(secret.as_str()).bind(MOST);
+    let mut transaction = records.begin().await?;
+    let rows = transaction.read(insert).await?;
+    transaction.commit().await?;
+    rows.first().map(|row| Ok((endpoint(row)?, secret))).transpose()
+}
+
+/// The endpoint `id` of `tenant`, if there is one.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn get(records: &Records, tenant: &str, id: &str) -> Result<Option<Endpoint>, Error> {
+    let select = sql("SELECT * FROM webhooks WHERE tenant = $1 AND id = $2");
+    records.read_one(select.bind(tenant).bind(id)).await?.as_ref().map(endpoint).transpose()
+}
+
+/// At most `limit` endpoints of `tenant`, older than the one called `before`, newest first.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn list(records: &Records, tenant: &str, before: Option<&str>, limit: i64) -> Result<Vec<Endpoint>, Error> {
+    let select = "SELECT * FROM webhooks WHERE tenant = $1 AND ($2 IS NULL OR id < $2) ORDER BY id DESC LIMIT $3";
+    records.read(sql(select).bind(tenant).bind(before).bind(limit)).await?.iter().map(endpoint).collect()
+}
+
+/// Says something else of an endpoint, and enables it again if it was disabled. False when there is none.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn change(records: &Records, tenant: &str, id: &str, told: Told) -> Result<bool, Error> {
+    let change = "UPDATE webhooks SET url = $1, events = $2, description = $3, disabled_why = NULL, \
+                  failing_since_ms = CASE WHEN disabled_why IS NULL THEN failing_since_ms END \
+                  WHERE tenant = $4 AND id = $5";
+    let change = sql(change).bind(told.url).bind(names(&told.events)).bind(told.description);
+    Ok(records.write(change.bind(tenant).bind(id)).await? > 0)
+}
+
+/// Forgets an endpoint and what it was told. False when there is none.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn delete(records: &Records, tenant: &str, id: &str) -> Result<bool, Error> {
+    Ok(records.write(sql("DELETE FROM webhooks WHERE tenant = $1 AND id = $2").bind(tenant).bind(id)).await? > 0)
+}
+
+/// Makes a new secret; the one before signs too for `overlap`. `None` when there is no such endpoint.
+///
+/// # Errors
+/// As [`create`].
+pub async fn rotate(records: &Records, tenant: &str, id: &str, overlap: Duration) -> Result<Option<String>, Error> {
+    let secret = signature::secret()?;
+    let rotate = "UPDATE webhooks SET old_secret = secret, old_secret_until_ms = {now} + $1, secret = $2 \
+                  WHERE tenant = $3 AND id = $4";
+    let overlap_ms = i64::try_from(overlap.as_millis()).unwrap_or(i64::MAX);
+    let rotate = sql(rotate).bind(overlap_ms).bind(secret.as_str()).bind(tenant).bind(id);
+    Ok((records.write(rotate).await? > 0).then_some(secret))
+}

@@ -1,0 +1,207 @@
+//! Webhooks (Standard Webhooks, <https://www.standardwebhooks.com>): a tenant's endpoints hear that its jobs have ended. At least
+//! once, and signed; what is told twice has the same `webhook-id`.
+
+/// Where to tell it.
+pub mod endpoints;
+/// What is to be told.
+pub mod announcement;
+/// To whom, and how that went.
+pub mod deliveries;
+/// Tells it.
+pub mod dispatcher;
+/// Who told it.
+pub mod signature;
+
+use super::calendar::rfc_3339;
+use super::jobs::worker::ZIP;
+use super::jobs::{Failure, State};
+use super::storage::Error;
+use super::storage::records::Row;
+use serde::{Deserialize, Serialize};
+use std::time::Duration;
+
+/// What an endpoint can hear of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+pub enum Event {
+    /// A job has succeeded.
+    #[serde(rename = "job.succeeded")]
+    Succeeded,
+    /// A job has failed.
+    #[serde(rename = "job.failed")]
+    Failed,
+    /// A job was cancelled.
+    #[serde(rename = "job.cancelled")]
+    Cancelled,
+}
+
+/// What [`announcement::ping`] tells: nothing has happened.
+pub const PING: &str = "ping";
+
+impl Event {
+    /// All.
+    pub const ALL: [Event; 3] = [Event::Succeeded, Event::Failed, Event::Cancelled];
+
+    /// The word in rows, messages and requests.
+    pub fn name(self) -> &'static str {
+        match self {
+            Event::Succeeded => "job.succeeded",
+            Event::Failed => "job.failed",
+            Event::Cancelled => "job.cancelled",
+        }
+    }
+
+    /// Reads what [`Event::name`] writes.
+    pub fn parse(name: &str) -> Option<Event> {
+        Event::ALL.into_iter().find(|event| event.name() == name)
+    }
+
+    fn of(state: State) -> Option<Event> {
+        match state {
+            State::Succeeded => Some(Event::Succeeded),
+            State::Failed => Some(Event::Failed),
+            State::Cancelled => Some(Event::Cancelled),
+            State::Queued | State::Running => None,
+        }
+    }
+}
+
+/// How deliveries are made.
+#[derive(Clone, Debug)]
+pub struct Policy {
+    /// How long to wait before each attempt after the first; without one more, it has failed.
+    pub waits: Vec<Duration>,
+    /// Longest time of an attempt.
+    pub longest: Duration,
+    /// An endpoint that took nothing for so long is disabled.
+    pub give_up: Duration,
+    /// How long it is known what was told.
+    pub keep: Duration,
+    /// How long a secret that was replaced still signs.
+    pub overlap: Duration,
+}
+
+impl Default for Policy {
+    /// The waits that the standard gives as an example: three days in all.
+    fn default() -> Policy {
+        let hours = [2, 5, 10, 14, 20, 24].map(Duration::from_hours);
+        let first = [Duration::from_secs(5), Duration::from_mins(5), Duration::from_mins(30)];
+        Policy {
+            waits: first.into_iter().chain(hours).collect(),
+            longest: Duration::from_secs(15),
+            give_up: Duration::from_hours(72),
+            keep: Duration::from_hours(30 * 24),
+            overlap: Duration::from_hours(24),
+        }
+    }
+}
+
+/// What is posted.
+#[derive(Serialize, utoipa::ToSchema)]
+#[schema(as = WebhookMessage)]
+pub struct Message<T> {
+    /// What has happened: an event's name.
+    #[serde(rename = "type")]
+    kind: &'static str,
+    /// When, RFC 3339.
+    timestamp: String,
+    /// To what.
+    data: T,
+}
+
+/// A job that has ended, as endpoints hear of it; the links lead to the rest.
+#[derive(Serialize, utoipa::ToSchema)]
+pub struct EndedJob {
+    /// Its identifier.
+    id: String,
+    /// How it has ended.
+    state: State,
+    /// How often it was begun.
+    attempt: i64,
+    /// Why it failed, if it did: as the job tells.
+    #[schema(value_type = Option<Object>)]
+    problem: Option<Failure>,
+    /// When it was accepted, epoch ms.
+    created_ms: i64,
+    /// When it was last begun, epoch ms.
+    started_ms: Option<i64>,
+    /// When it ended, epoch ms.
+    finished_ms: i64,
+    /// Where things are.
+    links: EndedLinks,
+}
+
+/// Where an ended job's things are, on the service that tells of it.
+#[derive(Serialize, utoipa::ToSchema)]
+pub struct EndedLinks {
+    /// Itself.
+    #[serde(rename = "self")]
+    this: String,
+    /// The list of its artifacts; null unless it has succeeded.
+    artifacts: Option<String>,
+    /// All of them in one zip; null unless it has succeeded.
+    zip: Option<String>,
+}
+
+/// The message of a job that has ended, as its row has it.
+fn ended(row: &Row) -> Result<(Event, EndedJob), Error> {
+    let state = row.text("state")?;
+    let state = State::parse(&state);
+    let unknown = || Error::Records("a job that has not ended is announced".into());
+    let (state, event) = state.and_then(|state| Some((state, Event::of(state)?))).ok_or_else(unknown)?;
+    let (id, failure) = (row.text("id")?, row.optional_text("failure")?);
+    let problem = failure.map(|failure| serde_json::from_str(&failure)).transpose();
+    let this = format!("/v1/jobs/{id}");
+    let succeeded = state == State::Succeeded;
+    let links = EndedLinks {
+        artifacts: succeeded.then(|| format!("{this}/artifacts")),
+        zip: succeeded.then(|| format!("{this}/{ZIP}")),
+        this,
+    };
+    let job = EndedJob {
+        id,
+        state,
+        attempt: row.number("attempt")?,
+        problem: problem.map_err(|error| Error::Records(Box::new(error)))?,
+        created_ms: row.number("created_ms")?,
+        started_ms: row.optional_number("started_ms")?,
+        finished_ms: row.number("finished_ms")?,
+        links,
+    };
+    Ok((event, job))
+}
+
+fn message<T: Serialize>(kind: &'static str, at_ms: i64, data: T) -> Result<String, Error> {
+    let message = Message { kind, timestamp: rfc_3339(at_ms), data };
+    serde_json::to_string(&message).map_err(|error| Error::Records(Box::new(error)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_waits_are_those_of_the_standard() {
+        // Its table: time since start before each attempt.
+        let since: Vec<u64> = Policy::default()
+            .waits
+            .iter()
+            .scan(0, |since, wait| {
+                *since += wait.as_secs();
+                Some(*since)
+            })
+            .collect();
+        let minutes = |hours: u64, minutes: u64| (hours * 60 + minutes) * 60 + 5;
+        let table = [
+            5,
+            minutes(0, 5),
+            minutes(0, 35),
+            minutes(2, 35),
+            minutes(7, 35),
+            minutes(17, 35),
+            minutes(31, 35),
+            minutes(51, 35),
+            minutes(75, 35),
+        ];
+        assert_eq!(since, table);
+    }
+}
