@@ -25,6 +25,10 @@ pub struct Bounds {
     /// Fewest bytes of an upload that must come in each minute [default: 61440].
     #[arg(long, env = "LAMPWRIGHT_SLOWEST_UPLOAD", value_name = "BYTES")]
     slowest_upload: Option<u64>,
+    /// Days for which an upload that can be resumed is kept when nothing more comes, and what became of one that has ended
+    /// [default: 7].
+    #[arg(long, env = "LAMPWRIGHT_UPLOAD_EXPIRY", value_name = "DAYS")]
+    upload_expiry: Option<u32>,
     /// Most bytes a tenant may keep [default: no limit]; `lampwright tenants set` says otherwise for one.
     #[arg(long, env = "LAMPWRIGHT_QUOTA_BYTES", value_name = "BYTES")]
     quota_bytes: Option<u64>,
@@ -56,6 +60,7 @@ impl Bounds {
             rate_per_second: self.rate.unwrap_or(config.rate_per_second),
             rate_burst: self.burst.unwrap_or(config.rate_burst),
             slowest: pace::Slowest { bytes: self.slowest_upload.unwrap_or(slowest.bytes), ..slowest },
+            upload_expiry: self.upload_expiry.map_or(config.upload_expiry, days),
             quota: Quota {
                 stored_bytes: self.quota_bytes.unwrap_or(quota.stored_bytes),
                 queued_jobs: self.quota_queued.unwrap_or(quota.queued_jobs),

@@ -40,7 +40,7 @@ pub struct Copied {
     pub fresh: u64,
     /// Their length, bytes.
     pub fresh_bytes: u64,
-    /// Ray sets and jobs that were deleted meanwhile.
+    /// Ray sets, jobs and unfinished uploads that were deleted meanwhile.
     pub deleted: u64,
 }
 
@@ -91,7 +91,8 @@ async fn snapshot(records: &Records, to: &Path) -> Result<Records, Error> {
 /// Copies every blob that `copy` names from the folder `from` to the folder `to`.
 async fn fill(live: &Storage, from: &Path, copy: &Records, to: &Path) -> Result<Copied, Error> {
     let mut copied = Copied::default();
-    for row in copy.read(sql("SELECT blob FROM parts UNION ALL SELECT blob FROM artifacts")).await? {
+    let named = "SELECT blob FROM parts UNION ALL SELECT blob FROM artifacts UNION ALL SELECT blob FROM upload_parts";
+    for row in copy.read(sql(named)).await? {
         let blob = row.text("blob")?;
         let (from, to) = (from.join(&blob), to.join(&blob));
         let written = tokio::task::spawn_blocking(move || copy_file(&from, &to)).await;
@@ -114,7 +115,8 @@ async fn fill(live: &Storage, from: &Path, copy: &Records, to: &Path) -> Result<
 }
 
 async fn is_named(records: &Records, blob: &str) -> Result<bool, Error> {
-    let select = "SELECT blob FROM parts WHERE blob = $1 UNION ALL SELECT blob FROM artifacts WHERE blob = $1";
+    let select = "SELECT blob FROM parts WHERE blob = $1 UNION ALL SELECT blob FROM artifacts WHERE blob = $1 \
+                  UNION ALL SELECT blob FROM upload_parts WHERE blob = $1";
     Ok(records.read_one(sql(select).bind(blob)).await?.is_some())
 }
 
@@ -122,7 +124,9 @@ async fn is_named(records: &Records, blob: &str) -> Result<bool, Error> {
 async fn forget(copy: &Records, blob: &str) -> Result<u64, Error> {
     let ray_sets = sql("DELETE FROM ray_sets WHERE id IN (SELECT ray_set_id FROM parts WHERE blob = $1)");
     let jobs = sql("DELETE FROM jobs WHERE id IN (SELECT job_id FROM artifacts WHERE blob = $1)");
-    Ok(copy.write(ray_sets.bind(blob)).await? + copy.write(jobs.bind(blob)).await?)
+    let uploads = sql("DELETE FROM uploads WHERE id IN (SELECT upload_id FROM upload_parts WHERE blob = $1)");
+    let kept = copy.write(ray_sets.bind(blob)).await? + copy.write(jobs.bind(blob)).await?;
+    Ok(kept + copy.write(uploads.bind(blob)).await?)
 }
 
 /// Copies a file durably, unless it is there already: blobs never change. How many bytes were written, if any file was.

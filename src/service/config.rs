@@ -50,6 +50,8 @@ pub struct Config {
     pub max_upload_bytes: u64,
     /// The slowest upload that is not given up.
     pub slowest: Slowest,
+    /// How long an upload that can be resumed is kept when nothing more comes, and what became of it when all came.
+    pub upload_expiry: Duration,
     /// Ask for keys on loopback too; elsewhere they always are.
     pub auth: bool,
     /// Web pages of these origins may use the service: `https://portal.example`.
@@ -107,6 +109,7 @@ impl Config {
             max_upload_bytes: 64 << 30,
             // A kilobyte a second: a poor radio link is faster.
             slowest: Slowest { interval: Duration::from_secs(60), bytes: 60 << 10 },
+            upload_expiry: Duration::from_hours(7 * 24),
             auth: false,
             cors_origins: Vec::new(),
             quota: Quota::default(),

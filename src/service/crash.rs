@@ -8,10 +8,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const VARIABLE: &str = "LAMPWRIGHT_CRASH_AT";
 
 /// Every point, in the order of an upload and a job. A stage's is "stage." and its name.
-pub const POINTS: [&str; 15] = [
+pub const POINTS: [&str; 18] = [
     "upload.part_stored",
     "upload.before_commit",
     "upload.committed",
+    "append.committed",
+    "take.before_commit",
+    "take.committed",
     "submit.before_commit",
     "submit.committed",
     "claim.committed",

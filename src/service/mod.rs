@@ -20,8 +20,6 @@ pub mod connections;
 pub mod pace;
 /// Takes in a ray file.
 pub mod upload;
-/// What is in a packed one.
-mod unpack;
 /// What is to be computed, and who computes it.
 pub mod jobs;
 /// What is kept no longer.
@@ -45,9 +43,10 @@ use std::fs::{File, TryLockError};
 use std::io;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 use storage::space::Space;
-use storage::{Storage, garbage};
+use storage::{Storage, endings, garbage};
 use tokio::io::AsyncRead;
 use tokio::net::TcpListener;
 use tokio::task::JoinSet;
@@ -55,6 +54,7 @@ use tokio::time::{Instant, MissedTickBehavior, interval, timeout, timeout_at};
 use tokio_util::io::ReaderStream;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
+use upload::resume::Uploads;
 use upload::{Announcement, Intake};
 
 /// Why a service does not start.
@@ -154,6 +154,7 @@ impl Service {
             // The lock proves that whoever ran these jobs and wrote these blobs is gone. Where there is none, leases and
             // the age of what lies about say it later.
             queue.recover().await?;
+            endings::recover(&storage.records).await?;
             garbage::collect(&storage, Duration::ZERO).await?;
         }
         tracing::info!(alone = lock.is_some(), role = ?config.role, "storage opened");
@@ -181,17 +182,31 @@ impl Service {
             false => JoinSet::new(),
         };
         let api = Service::api(&config, storage, queue, metrics, stop);
+        if config.role.answers() {
+            upkeep.spawn(api.uploads.clone().keep_up(config.poll));
+        }
         Ok(Service { config, api, listener, address, slots, release, _upkeep: upkeep, _lock: lock })
     }
 
     fn api(config: &Config, storage: Storage, queue: Queue, metrics: Metrics, draining: CancellationToken) -> Api {
         let (max_bytes, slowest, limits) = (config.max_upload_bytes, config.slowest, config.limits);
         let rate = RateLimit::new(config.rate_per_second, config.rate_burst);
+        let space = Space::new(config.local_folders(), config.keep_free);
+        let intake =
+            Intake { storage: storage.clone(), max_bytes, slowest, quota: config.quota, space: space.clone(), limits };
         Api {
-            intake: Intake { storage: storage.clone(), max_bytes, slowest, quota: config.quota, limits },
+            uploads: Uploads {
+                intake: intake.clone(),
+                expiry: config.upload_expiry,
+                lease: config.lease,
+                max_attempts: config.max_attempts,
+                at_hand: Arc::default(),
+                stopping: draining.clone(),
+            },
+            intake,
             door: Door::new(storage.records.clone(), config.asks_for_keys(), rate),
             origins: config.cors_origins.clone().into(),
-            space: Space::new(config.local_folders(), config.keep_free),
+            space,
             storage,
             queue,
             metrics,

@@ -24,8 +24,8 @@ struct Operation {
     id: String,
     method: Method,
     path: String,
-    /// What a key needs; none for what everybody may ask.
-    scope: Option<Scope>,
+    /// What a key needs one of; none for what everybody may ask.
+    scopes: Vec<Scope>,
 }
 
 fn operations() -> Vec<Operation> {
@@ -33,10 +33,11 @@ fn operations() -> Vec<Operation> {
     let mut operations = Vec::new();
     for (path, item) in contract["paths"].as_object().unwrap() {
         for (method, operation) in item.as_object().unwrap() {
-            let scope = operation["security"][0]["key"][0].as_str().map(|name| Scope::parse(name).unwrap());
+            let ways = operation["security"].as_array().cloned().unwrap_or_default();
+            let scopes = ways.iter().map(|way| Scope::parse(way["key"][0].as_str().unwrap()).unwrap()).collect();
             let method = method.to_uppercase().parse().unwrap();
             let id = operation["operationId"].as_str().unwrap().to_owned();
-            operations.push(Operation { id, method, path: path.clone(), scope });
+            operations.push(Operation { id, method, path: path.clone(), scopes });
         }
     }
     operations
@@ -45,6 +46,7 @@ fn operations() -> Vec<Operation> {
 /// What one tenant has: an id for every placeholder of the contract.
 struct Things {
     ray_set: String,
+    upload: String,
     spectrum: String,
     job: String,
 }
@@ -55,6 +57,7 @@ impl Things {
         let kind = path.split('/').nth(2).unwrap_or_default();
         let id = match kind {
             "ray-sets" => &self.ray_set,
+            "uploads" => &self.upload,
             "spectra" => &self.spectrum,
             "jobs" => &self.job,
             _ => "",
@@ -73,29 +76,52 @@ impl Things {
             "create_job" => json!({ "channels": [{"ray_set": self.ray_set}] }).to_string().into(),
             "upload_ray_set" => crate::rays::zemax(3).into(),
             "upload_spectrum" => SPECTRUM.into(),
+            "append_to_upload" => vec![0; 10].into(),
             _ => Body::empty(),
         }
     }
 
     async fn ask(&self, site: &Site, operation: &Operation, authorization: Option<&str>) -> Reply {
-        let mut headers = vec![("content-type", "application/json")];
+        let mut headers = match operation.path.starts_with(TUS) {
+            true => TUS_HEADERS.to_vec(),
+            false => vec![("content-type", "application/json")],
+        };
         headers.extend(authorization.map(|value| ("authorization", value)));
         site.ask(operation.method.clone(), &self.address(&operation.path), &headers, self.body(&operation.id)).await
     }
 }
 
+/// Whoever asks there speaks it.
+const TUS: &str = "/v1/uploads";
+const TUS_HEADERS: [(&str, &str); 4] = [
+    ("tus-resumable", "1.0.0"),
+    ("upload-length", "488"),
+    ("upload-offset", "0"),
+    ("content-type", "application/offset+octet-stream"),
+];
+
 const SPECTRUM: &str = "500 0\n550 1\n600 0\n";
 
-/// A site where the tenant `lab` has a ray set, a spectrum and a job that has succeeded.
+/// A site where the tenant `lab` has a ray set, an upload that waits for its bytes, a spectrum and a job that has succeeded.
 async fn lab() -> (Site, Things) {
     let mut site = Site::start_as(with_keys, prompt()).await;
     site.key = Some(site.key_of("lab", &Scope::OF_A_TENANT).await);
     let ray_set = site.ray_set().await;
+    let begun = site.ask(Method::POST, TUS, &TUS_HEADERS[..2], Body::empty()).await;
+    let upload = begun.header("location").rsplit('/').next().unwrap().to_owned();
     let spectrum = site.ask(Method::POST, "/v1/spectra", &[], SPECTRUM).await.id();
     let job = site.job(&ray_set).await;
     site.until_state(&job, "succeeded").await;
     site.key = None;
-    (site, Things { ray_set, spectrum, job })
+    (site, Things { ray_set, upload, spectrum, job })
+}
+
+/// An answer to HEAD has no body: its status must do.
+fn assert_refused(operation: &Operation, reply: &Reply, (status, code): (u16, &str)) {
+    match operation.method {
+        Method::HEAD => assert_eq!(reply.status.as_u16(), status, "{}: {reply:?}", operation.id),
+        _ => assert_eq!(reply.problem(), (status, code.to_owned()), "{}: {reply:?}", operation.id),
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -113,14 +139,15 @@ async fn every_route_asks_for_a_key_that_is_good_and_for_this() {
     assert!(keys::revoke(&records, &revoked.id).await.unwrap());
     let expired = keys::create(&records, &new(Some(1))).await.unwrap();
     let unknown = format!("lw_{}_{}", good.id, "0".repeat(64));
-    let before = site.rows(sql("SELECT id FROM jobs UNION ALL SELECT id FROM ray_sets")).await.len();
+    let rows = "SELECT id FROM jobs UNION ALL SELECT id FROM ray_sets UNION ALL SELECT id FROM uploads";
+    let before = site.rows(sql(rows)).await.len();
     let mut open = Vec::new();
     for operation in operations() {
-        let Some(scope) = operation.scope else {
+        if operation.scopes.is_empty() {
             open.push(operation.id);
             continue;
-        };
-        let all_but: Vec<Scope> = Scope::ALL.into_iter().filter(|other| *other != scope).collect();
+        }
+        let all_but: Vec<Scope> = Scope::ALL.into_iter().filter(|other| !operation.scopes.contains(other)).collect();
         let other = format!("Bearer {}", site.key_of("lab", &all_but).await);
         let bearer = |token: &str| format!("Bearer {token}");
         for (authorization, status, code) in [
@@ -133,17 +160,18 @@ async fn every_route_asks_for_a_key_that_is_good_and_for_this() {
             (Some(other), 403, "access.scope_missing"),
         ] {
             let reply = things.ask(&site, &operation, authorization.as_deref()).await;
-            assert_eq!(reply.problem(), (status, code.to_owned()), "{} with {authorization:?}", operation.id);
+            assert_refused(&operation, &reply, (status, code));
         }
         // A key in the address is no key.
         let address = things.address(&operation.path);
         let join = if address.contains('?') { '&' } else { '?' };
         let address = format!("{address}{join}access_token={}", good.token);
-        let reply = site.ask(operation.method.clone(), &address, &[], Body::empty()).await;
-        assert_eq!(reply.problem(), (401, "access.key_missing".to_owned()), "{}", operation.id);
+        let speaks = if operation.path.starts_with(TUS) { &TUS_HEADERS[..1] } else { &[] };
+        let reply = site.ask(operation.method.clone(), &address, speaks, Body::empty()).await;
+        assert_refused(&operation, &reply, (401, "access.key_missing"));
     }
     assert_eq!(open, ["health", "ready"], "these ask nobody who they are");
-    let after = site.rows(sql("SELECT id FROM jobs UNION ALL SELECT id FROM ray_sets")).await.len();
+    let after = site.rows(sql(rows)).await.len();
     assert_eq!(before, after, "somebody without a right did something");
     // The good key opens what may be asked without changing anything.
     for operation in operations().iter().filter(|operation| operation.method == Method::GET) {
@@ -156,16 +184,16 @@ async fn every_route_asks_for_a_key_that_is_good_and_for_this() {
 async fn another_tenant_finds_nothing_on_any_route() {
     let (site, things) = lab().await;
     let stranger = format!("Bearer {}", site.key_of("shop", &Scope::ALL).await);
-    let nothing = Things { ray_set: NOBODY.into(), spectrum: NOBODY.into(), job: NOBODY.into() };
+    let nothing = Things { ray_set: NOBODY.into(), upload: NOBODY.into(), spectrum: NOBODY.into(), job: NOBODY.into() };
     let rows = "SELECT id, state, cancel_requested FROM jobs UNION ALL SELECT id, name, 0 FROM ray_sets \
-                UNION ALL SELECT id, name, 0 FROM spectra ORDER BY 1";
+                UNION ALL SELECT id, name, 0 FROM spectra UNION ALL SELECT id, state, 0 FROM uploads ORDER BY 1";
     let told = async |site: &Site| {
         let rows = site.rows(sql(rows)).await;
         rows.iter().map(|row| (row.text("id").unwrap(), row.text("state").unwrap())).collect::<Vec<_>>()
     };
     let (before, blobs) = (told(&site).await, site.blobs());
     let mut without_id = Vec::new();
-    for operation in operations().into_iter().filter(|operation| operation.scope.is_some()) {
+    for operation in operations().into_iter().filter(|operation| !operation.scopes.is_empty()) {
         if !operation.path.contains('{') && operation.id != "create_job" {
             without_id.push(operation.id);
             continue;
@@ -178,16 +206,26 @@ async fn another_tenant_finds_nothing_on_any_route() {
         // Nothing tells a thing of another tenant from no thing.
         let text = String::from_utf8(theirs.body).unwrap();
         let text = text.replace(&things.ray_set, NOBODY).replace(&things.spectrum, NOBODY).replace(&things.job, NOBODY);
+        let text = text.replace(&things.upload, NOBODY);
         assert_eq!(text, String::from_utf8(nobodys.body).unwrap(), "{}", operation.id);
     }
     // What names no thing lists none of another's, or makes one's own, or counts the whole service.
-    let known = ["metrics", "list_jobs", "list_ray_sets", "upload_ray_set", "list_spectra", "upload_spectrum"];
+    let known = [
+        "metrics",
+        "list_jobs",
+        "list_ray_sets",
+        "upload_ray_set",
+        "list_spectra",
+        "upload_spectrum",
+        "list_uploads",
+        "create_upload",
+    ];
     assert_eq!(without_id, known, "say here what these do");
-    for list in ["/v1/jobs", "/v1/ray-sets", "/v1/spectra", "/v1/jobs?state=succeeded"] {
+    for list in ["/v1/jobs", "/v1/ray-sets", "/v1/spectra", "/v1/uploads", "/v1/jobs?state=succeeded"] {
         let reply = site.ask(Method::GET, list, &[("authorization", &stranger)], Body::empty()).await;
         let text = String::from_utf8(reply.body).unwrap();
         assert!(!text.contains(&things.job) && !text.contains(&things.ray_set), "{list}: {text}");
-        assert!(!text.contains(&things.spectrum), "{list}: {text}");
+        assert!(!text.contains(&things.spectrum) && !text.contains(&things.upload), "{list}: {text}");
     }
     assert_eq!((told(&site).await, site.blobs()), (before, blobs), "a stranger changed something");
 }

@@ -1,5 +1,7 @@
 use crate::runners::prompt;
 use crate::site::Site;
+use lampwright::service::access::Scope;
+use lampwright::service::access::quota::Quota;
 use lampwright::service::connections::Bounds;
 use lampwright::service::pace::Slowest;
 use lampwright::service::storage::records::sql;
@@ -157,6 +159,84 @@ async fn an_upload_that_only_drips_gives_up_its_place_and_one_that_is_merely_slo
     assert!(begun.elapsed() > slowest.interval && bytes.len() / 6 > 500);
     assert!(answer.starts_with("HTTP/1.1 201"), "{answer}");
     service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_body_is_asked_for_only_when_it_is_wanted() {
+    // RFC 9110, section 10.1.1: a final status, at once, or 100 first.
+    let change = |config: Config| Config {
+        auth: true,
+        bounds: ROOMY,
+        max_upload_bytes: 10_000,
+        quota: Quota { stored_bytes: 5000, ..Quota::default() },
+        ..config
+    };
+    let mut site = Site::start_as(change, prompt()).await;
+    let (writer, reader) = (site.key_of("lab", &[Scope::UploadsWrite]).await, site.key_of("lab", &[]).await);
+    let service = Listening::on(&mut site);
+    let bytes = crate::rays::zemax(10);
+    let head = |key: &str, length: usize, more: &str| {
+        format!(
+            "POST /v1/ray-sets HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {key}\r\nConnection: close\r\n\
+             Expect: 100-continue\r\nContent-Length: {length}\r\n{more}\r\n"
+        )
+    };
+    let form = "Content-Type: multipart/form-data; boundary=x\r\n";
+    for (head, status, code) in [
+        (head(&writer, 10_001, ""), "413", "upload.too_large"),
+        (head(&writer, 5001, ""), "413", "quota.stored_bytes"),
+        (head(&writer, 100, form), "415", "request.media_type"),
+        (head(&reader, 100, ""), "403", "access.scope_missing"),
+        (head("lw_x_y", 100, ""), "401", "access.key_malformed"),
+    ] {
+        let answer = service.ask(&head).await;
+        assert!(answer.starts_with(&format!("HTTP/1.1 {status} ")) && answer.contains(code), "{code}: {answer}");
+    }
+    let mut wanted = service.open(head(&writer, bytes.len(), "").as_bytes()).await;
+    let mut first = [0; 25];
+    tokio::time::timeout(PATIENCE, wanted.read_exact(&mut first)).await.unwrap().unwrap();
+    assert_eq!(&first, b"HTTP/1.1 100 Continue\r\n\r\n");
+    wanted.write_all(&bytes).await.unwrap();
+    assert!(ended(&mut wanted).await.starts_with("HTTP/1.1 201"));
+    service.stop().await;
+    if !site.config.local_folders().is_empty() {
+        site.config.keep_free = u64::MAX;
+        site.restart(prompt()).await;
+        let service = Listening::on(&mut site);
+        let answer = service.ask(&head(&writer, 100, "")).await;
+        assert!(answer.starts_with("HTTP/1.1 507 ") && answer.contains("storage.low_space"), "{answer}");
+        service.stop().await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_service_that_stops_keeps_what_came_of_an_upload_in_pieces() {
+    let slowest = Slowest { interval: PATIENCE, bytes: 1 };
+    let mut site =
+        Site::start_as(|config| Config { slowest, grace: PATIENCE, bounds: ROOMY, ..config }, prompt()).await;
+    let file = crate::rays::zemax(50_000);
+    let at = crate::resume::begin(&site, file.len(), &[]).await;
+    let service = Listening::on(&mut site);
+    let head = format!(
+        "PATCH {at} HTTP/1.1\r\nHost: localhost\r\nTus-Resumable: 1.0.0\r\nUpload-Offset: 0\r\nContent-Length: {}\r\n\
+         Content-Type: application/offset+octet-stream\r\n\r\n",
+        file.len()
+    );
+    let mut open = service.open(head.as_bytes()).await;
+    open.write_all(&file[..300_000]).await.unwrap();
+    let start = Instant::now();
+    while !String::from_utf8(site.get("/metrics").await.body).unwrap().contains("upload_bytes_total 300000\n") {
+        assert!(start.elapsed() < PATIENCE, "the bytes do not come");
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    // It does not wait for the rest.
+    service.stop().await;
+    let answer = ended(&mut open).await;
+    assert!(answer.starts_with("HTTP/1.1 503") && answer.contains("service.stopping"), "{answer}");
+    site.restart(prompt()).await;
+    assert_eq!(crate::resume::offset(&site, &at).await, 300_000);
+    crate::resume::append(&site, &at, 300_000, file[300_000..].to_vec(), &[]).await;
+    assert_eq!(site.get(&at).await.json()["state"], "taken");
 }
 
 #[tokio::test(flavor = "multi_thread")]

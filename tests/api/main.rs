@@ -18,6 +18,10 @@ mod site;
 mod walk;
 /// What is taken in, and what is not.
 mod uploads;
+/// Uploads that are resumed.
+mod resume;
+/// How those end.
+mod endings;
 /// What comes packed.
 mod packed;
 /// Keys, tenants, quotas and rates.

@@ -79,6 +79,13 @@ async fn a_digest_is_verified_when_sent() {
     let reply = send(&site, &[("repr-digest", &right), ("content-digest", &wrong)], file.clone()).await;
     reply.is_problem(400, "upload.digest_mismatch");
     nothing_left(&site).await;
+    // RFC 9530, section 2: an algorithm that the recipient does not know is ignored, alone or among others.
+    let unknown = format!("sha-512=:{}:", BASE64.encode([0; 64]));
+    for name in ["repr-digest", "content-digest"] {
+        assert_eq!(send(&site, &[(name, &unknown)], file.clone()).await.status, StatusCode::CREATED);
+        let with_wrong = format!("{unknown}, {wrong}");
+        send(&site, &[(name, &with_wrong)], file.clone()).await.is_problem(400, "upload.digest_mismatch");
+    }
     for name in ["repr-digest", "content-digest"] {
         assert_eq!(send(&site, &[(name, &right)], file.clone()).await.status, StatusCode::CREATED);
     }

@@ -54,7 +54,7 @@ const PIPELINE_CRATES: [&str; 13] = [
 const WORLD: [&str; 6] = ["env", "fs", "net", "process", "thread", "time"];
 
 /// One foreign library, one file (or folder): whoever replaces it reads no other.
-const HOMES: [(&str, &str); 19] = [
+const HOMES: [(&str, &str); 21] = [
     ("flate2", "pipeline/rays/container"),
     ("ruzstd", "pipeline/rays/container/zstd"),
     ("obvhs", "pipeline/flux/bvh"),
@@ -65,6 +65,8 @@ const HOMES: [(&str, &str); 19] = [
     ("subtle", "service/access/keys"),
     ("governor", "service/access/rate"),
     ("prometheus_client", "service/metrics"),
+    ("httpdate", "service/api/tus"),
+    ("sha1", "service/upload/checksum"),
     ("hyper", "service/connections"),
     ("hyper_util", "service/connections"),
     ("rustix", "service/storage/space"),

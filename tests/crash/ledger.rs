@@ -57,6 +57,11 @@ impl Ledger {
         Some(id)
     }
 
+    /// An upload in pieces has become this ray set.
+    pub fn resumed(&mut self, id: &str, bytes: &[u8]) {
+        self.ray_sets.insert(id.to_owned(), sha256(bytes));
+    }
+
     /// Sends a file and queues a job, to a node that does not die.
     pub fn job(&mut self, node: &Node, bytes: &[u8]) -> String {
         let ray_set = self.upload(&node.address, bytes).unwrap();
@@ -74,6 +79,9 @@ impl Ledger {
             assert_eq!((zip.status, json!(sha256(&zip.body))), (200, listed["zip"]["sha256"].clone()), "{listed}");
         }
         let storage = world.storage();
+        let stuck = "SELECT id FROM uploads WHERE state IN ('receiving', 'finishing')";
+        let stuck = world.runtime.block_on(storage.records.read(sql(stuck))).unwrap();
+        assert!(stuck.is_empty(), "{} uploads are not finished", stuck.len());
         world.runtime.block_on(self.bytes_are_there(&storage));
         world.runtime.block_on(self.published_once(&storage));
         until("garbage to go", || world.runtime.block_on(differences(&storage)).is_empty().then_some(()));
@@ -115,7 +123,7 @@ impl Ledger {
 
 /// Blobs without a row; a row without its blob is a loss, at once.
 async fn differences(storage: &Storage) -> Vec<String> {
-    let rows = "SELECT blob FROM parts UNION ALL SELECT blob FROM artifacts";
+    let rows = "SELECT blob FROM parts UNION ALL SELECT blob FROM artifacts UNION ALL SELECT blob FROM upload_parts";
     let rows = storage.records.read(sql(rows)).await.unwrap();
     let named: BTreeSet<String> = rows.iter().map(|row| row.text("blob").unwrap()).collect();
     assert_eq!(named.len(), rows.len(), "a blob is named twice");
@@ -127,7 +135,7 @@ async fn differences(storage: &Storage) -> Vec<String> {
 }
 
 /// No promise, and no refusal either.
-fn told_to_come_back(answer: &Answer) -> bool {
+pub fn told_to_come_back(answer: &Answer) -> bool {
     answer.status == 503 && answer.header("retry-after").is_some()
 }
 

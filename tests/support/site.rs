@@ -20,7 +20,7 @@ use tempfile::TempDir;
 use tower::ServiceExt;
 
 /// Every header a response may have; a new one is a decision, not an accident.
-const HEADERS: [&str; 25] = [
+const HEADERS: [&str; 35] = [
     "access-control-allow-headers",
     "access-control-allow-methods",
     "access-control-allow-origin",
@@ -45,6 +45,16 @@ const HEADERS: [&str; 25] = [
     "date",
     "connection",
     "vary",
+    "tus-checksum-algorithm",
+    "tus-extension",
+    "tus-max-size",
+    "tus-resumable",
+    "tus-version",
+    "upload-defer-length",
+    "upload-expires",
+    "upload-length",
+    "upload-metadata",
+    "upload-offset",
     "www-authenticate",
 ];
 

@@ -8,7 +8,7 @@ use super::tenants;
 /// Most that a tenant may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Quota {
-    /// Bytes of ray files, spectra and artifacts kept.
+    /// Bytes of ray files, uploads, spectra and artifacts kept.
     pub stored_bytes: u64,
     /// Jobs waiting.
     pub queued_jobs: u64,
@@ -27,7 +27,7 @@ impl Default for Quota {
 /// What a tenant uses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Usage {
-    /// Bytes of ray files, spectra and artifacts kept.
+    /// Bytes of ray files, uploads, spectra and artifacts kept.
     pub stored_bytes: u64,
     /// Jobs waiting.
     pub queued_jobs: u64,
@@ -73,14 +73,22 @@ impl Room {
             false => Ok(()),
         }
     }
+
+    /// The room there is when `bytes` of what is kept will go.
+    #[must_use]
+    pub fn without(self, bytes: u64) -> Room {
+        Room { used: self.used.saturating_sub(bytes), ..self }
+    }
 }
 
-/// A point of a spectrum is two numbers of about 16 characters.
+/// An upload that has not ended needs all that it has announced. A point of a spectrum is two numbers of about 16 characters.
 const USAGE: &str = "SELECT \
     CAST(COALESCE((SELECT SUM(byte_count) FROM ray_sets WHERE tenant = $1), 0) AS BIGINT) AS ray_bytes, \
     CAST(COALESCE((SELECT SUM(point_count) * 32 FROM spectra WHERE tenant = $1), 0) AS BIGINT) AS spectrum_bytes, \
     CAST(COALESCE((SELECT SUM(artifacts.byte_count) FROM artifacts JOIN jobs ON jobs.id = artifacts.job_id \
                    WHERE jobs.tenant = $1), 0) AS BIGINT) AS artifact_bytes, \
+    CAST(COALESCE((SELECT SUM(COALESCE(byte_count, offset_bytes)) FROM uploads \
+                   WHERE tenant = $1 AND state IN ('receiving', 'finishing')), 0) AS BIGINT) AS upload_bytes, \
     (SELECT COUNT(*) FROM jobs WHERE tenant = $1 AND state = 'queued') AS queued_jobs, \
     (SELECT COUNT(*) FROM jobs WHERE tenant = $1 AND state = 'running') AS running_jobs";
 
@@ -157,7 +165,10 @@ pub async fn usage(records: &Records, tenant: &str) -> Result<Usage, Error> {
 
 fn counted(row: &Row) -> Result<Usage, Error> {
     Ok(Usage {
-        stored_bytes: row.count("ray_bytes")? + row.count("spectrum_bytes")? + row.count("artifact_bytes")?,
+        stored_bytes: row.count("ray_bytes")?
+            + row.count("upload_bytes")?
+            + row.count("spectrum_bytes")?
+            + row.count("artifact_bytes")?,
         queued_jobs: row.count("queued_jobs")?,
         running_jobs: row.count("running_jobs")?,
     })

@@ -11,6 +11,7 @@ use axum::http::{HeaderMap, HeaderName, Uri, header};
 use axum::middleware::{Next, from_fn};
 use axum::response::IntoResponse;
 use std::net::IpAddr;
+use std::sync::Arc;
 use tracing::Span;
 use utoipa::openapi::OpenApi;
 use utoipa::openapi::path::{Operation, Paths};
@@ -30,29 +31,38 @@ enum Counted {
 
 /// Routes that a key needs `scope` for.
 pub fn needs(scope: Scope, routes: UtoipaMethodRouter<Api>) -> UtoipaMethodRouter<Api> {
-    guarded(scope, Counted::Yes, routes)
+    guarded(vec![scope], Counted::Yes, routes)
+}
+
+/// Routes that a key needs one of `scopes` for.
+pub fn needs_one_of(scopes: &[Scope], routes: UtoipaMethodRouter<Api>) -> UtoipaMethodRouter<Api> {
+    guarded(scopes.to_vec(), Counted::Yes, routes)
 }
 
 /// Routes that a key needs `scope` for, however often it has asked.
 pub fn needs_only(scope: Scope, routes: UtoipaMethodRouter<Api>) -> UtoipaMethodRouter<Api> {
-    guarded(scope, Counted::No, routes)
+    guarded(vec![scope], Counted::No, routes)
 }
 
-fn guarded(scope: Scope, counted: Counted, routes: UtoipaMethodRouter<Api>) -> UtoipaMethodRouter<Api> {
+fn guarded(scopes: Vec<Scope>, counted: Counted, routes: UtoipaMethodRouter<Api>) -> UtoipaMethodRouter<Api> {
     let (schemas, mut paths, handlers) = routes;
     for operation in operations(&mut paths) {
-        document(operation, scope, counted);
+        document(operation, &scopes, counted);
     }
-    let guard = from_fn(move |request: Request, next: Next| async move {
-        match admitted(request, scope, counted).await {
-            Ok(request) => next.run(request).await,
-            Err(problem) => problem.into_response(),
+    let scopes: Arc<[Scope]> = scopes.into();
+    let guard = from_fn(move |request: Request, next: Next| {
+        let scopes = Arc::clone(&scopes);
+        async move {
+            match admitted(request, &scopes, counted).await {
+                Ok(request) => next.run(request).await,
+                Err(problem) => problem.into_response(),
+            }
         }
     });
     (schemas, paths, handlers.route_layer(guard))
 }
 
-async fn admitted(mut request: Request, scope: Scope, counted: Counted) -> Result<Request, Problem> {
+async fn admitted(mut request: Request, scopes: &[Scope], counted: Counted) -> Result<Request, Problem> {
     let Some(Api { door, origins, .. }) = request.extensions().get::<Api>().cloned() else {
         return Err(Problem::internal());
     };
@@ -62,8 +72,9 @@ async fn admitted(mut request: Request, scope: Scope, counted: Counted) -> Resul
     let token = bearer(request.headers())?.map(str::to_owned);
     let access = door.open(token.as_deref()).await?.map_err(Problem::from)?;
     Span::current().record("tenant", &access.tenant).record("key", access.key.as_deref());
-    if !access.may(scope) {
-        return Err(Problem::scope_missing(scope.name()));
+    if !scopes.iter().any(|scope| access.may(*scope)) {
+        let names: Vec<&str> = scopes.iter().map(|scope| scope.name()).collect();
+        return Err(Problem::scope_missing(&names.join(" or ")));
     }
     if counted == Counted::Yes {
         door.count(&access).map_err(Problem::too_often)?;
@@ -125,8 +136,9 @@ pub fn operations(paths: &mut Paths) -> impl Iterator<Item = &mut Operation> {
 }
 
 /// Says in the contract what the guard does.
-fn document(operation: &mut Operation, scope: Scope, counted: Counted) {
-    operation.security = Some(vec![SecurityRequirement::new(SCHEME, [scope.name()])]);
+fn document(operation: &mut Operation, scopes: &[Scope], counted: Counted) {
+    let each = scopes.iter().map(|scope| SecurityRequirement::new(SCHEME, [scope.name()]));
+    operation.security = Some(each.collect());
     let mut refusals =
         vec![("401", "no key, or one that opens nothing"), ("403", "the key has not the scope for this")];
     if counted == Counted::Yes {

@@ -12,6 +12,10 @@ pub mod problem;
 pub mod ranges;
 /// Ray files.
 pub mod ray_sets;
+/// Ray files that come in several requests.
+pub mod uploads;
+/// What their requests and answers are made of.
+pub mod tus;
 /// The queries that files are sent with.
 pub mod sending;
 /// Spectra of channels.
@@ -36,7 +40,8 @@ use super::metrics::Metrics;
 use super::storage::Storage;
 use super::storage::space::Space;
 use super::upload::Intake;
-use access::{needs, needs_only};
+use super::upload::resume::Uploads;
+use access::{needs, needs_one_of, needs_only};
 use admission::{admit, kept, patient};
 use axum::extract::Request;
 use axum::http::{HeaderName, HeaderValue, Method, Uri, header};
@@ -78,6 +83,8 @@ pub struct Api {
     pub queue: Queue,
     /// Takes ray files in.
     pub intake: Intake,
+    /// Takes those in that can be resumed.
+    pub uploads: Uploads,
     /// Knows the keys.
     pub door: Door,
     /// Web pages of these origins may use the service.
@@ -109,6 +116,7 @@ pub struct Binary(#[expect(dead_code, reason = "a schema, never a value")] Vec<u
     ),
     tags(
         (name = "ray sets", description = "Ray files, as they came"),
+        (name = "uploads", description = "Ray files that come in several requests: tus 1.0.0"),
         (name = "spectra", description = "Spectra of channels, from files of their own"),
         (name = "jobs", description = "What is to be computed, how far it is, and why it failed"),
         (name = "artifacts", description = "What a job gave"),
@@ -120,13 +128,19 @@ struct Contract;
 /// Every route of the contract, and the scope a key needs for it.
 fn routes() -> OpenApiRouter<Api> {
     use Scope::{JobsRead, JobsWrite, UploadsRead, UploadsWrite};
-    let uploads = OpenApiRouter::new().routes(needs(UploadsWrite, routes!(ray_sets::upload)));
+    let uploads = OpenApiRouter::new()
+        .routes(needs(UploadsWrite, routes!(ray_sets::upload)))
+        .routes(needs(UploadsWrite, routes!(uploads::create)))
+        .routes(needs(UploadsWrite, routes!(uploads::append)));
     let spectra = OpenApiRouter::new().routes(needs(UploadsWrite, routes!(spectra::upload)));
     let reads = OpenApiRouter::new()
         .routes(needs(UploadsRead, routes!(ray_sets::list)))
         .routes(needs(UploadsRead, routes!(ray_sets::get)))
         .routes(needs(UploadsRead, routes!(ray_sets::origins)))
         .routes(needs(UploadsRead, routes!(ray_sets::far_field)))
+        .routes(needs_one_of(&[UploadsRead, UploadsWrite], routes!(uploads::list)))
+        .routes(needs_one_of(&[UploadsRead, UploadsWrite], routes!(uploads::get)))
+        .routes(needs_one_of(&[UploadsRead, UploadsWrite], routes!(uploads::offset)))
         .routes(needs(UploadsRead, routes!(spectra::list)))
         .routes(needs(UploadsRead, routes!(spectra::get)))
         .routes(needs(JobsWrite, routes!(jobs::create)))
@@ -138,6 +152,7 @@ fn routes() -> OpenApiRouter<Api> {
     // Always admitted: a full service must still be told to do less, and say that it lives.
     let relief = watch()
         .routes(needs_only(UploadsWrite, routes!(ray_sets::delete)))
+        .routes(needs_only(UploadsWrite, routes!(uploads::delete)))
         .routes(needs_only(UploadsWrite, routes!(spectra::delete)))
         .routes(needs_only(JobsWrite, routes!(jobs::cancel)))
         .routes(needs_only(JobsWrite, routes!(jobs::delete)));
@@ -184,6 +199,7 @@ fn dressed(router: Router<Api>, api: Api) -> Router {
         .layer(default_header(header::REFERRER_POLICY, "no-referrer"))
         .layer(default_header(HeaderName::from_static("cross-origin-resource-policy"), "same-origin"))
         .layer(default_header(header::CACHE_CONTROL, "no-store"))
+        .layer(middleware::from_fn_with_state(api.clone(), tus::speak))
         .option_layer(pages_from(&api.origins))
         .layer(Extension(api.clone()))
         .layer(middleware::from_fn_with_state(api.clone(), metrics::counted))
@@ -231,6 +247,7 @@ fn pages_from(origins: &[String]) -> Option<CorsLayer> {
     let methods = [Method::GET, Method::HEAD, Method::POST, Method::PATCH, Method::PUT, Method::DELETE];
     let seen = [header::LOCATION, header::ETAG, header::RETRY_AFTER, header::CONTENT_RANGE, REQUEST_ID];
     let layer = CorsLayer::new().allow_origin(AllowOrigin::list(known)).allow_methods(methods);
+    let seen: Vec<HeaderName> = seen.into_iter().chain(tus::SEEN).collect();
     let layer = layer.allow_headers(AllowHeaders::mirror_request()).expose_headers(seen).max_age(CORS_MEMORY);
     (!origins.is_empty()).then_some(layer)
 }

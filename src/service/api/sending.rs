@@ -16,7 +16,7 @@ pub struct Naming {
 }
 
 /// How a ray file is called, and what is declared of it or of every file in it.
-#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[derive(Debug, Default, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct Sending {

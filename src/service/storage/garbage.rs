@@ -42,7 +42,8 @@ fn folder(key: &str) -> &str {
 
 /// Every key that a row names.
 async fn named(storage: &Storage) -> Result<HashSet<String>, Error> {
-    let rows = storage.records.read(sql("SELECT blob FROM parts UNION ALL SELECT blob FROM artifacts")).await?;
+    let select = "SELECT blob FROM parts UNION ALL SELECT blob FROM artifacts UNION ALL SELECT blob FROM upload_parts";
+    let rows = storage.records.read(sql(select)).await?;
     rows.iter().map(|row| row.text("blob")).collect()
 }
 

@@ -8,6 +8,10 @@ pub mod blobs;
 pub mod parts;
 /// Rows of ray sets.
 pub mod ray_sets;
+/// Rows of uploads that can be resumed.
+pub mod uploads;
+/// How those end.
+pub mod endings;
 /// Rows of what was found in their rays.
 pub mod inspections;
 /// Room on local disks.

@@ -60,7 +60,7 @@ pub enum Deletion {
     Missing,
 }
 
-fn unreadable(error: serde_json::Error) -> Error {
+pub(super) fn unreadable(error: serde_json::Error) -> Error {
     Error::Records(Box::new(error))
 }
 
@@ -105,7 +105,11 @@ pub async fn insert(
     Ok(Ok(known))
 }
 
-async fn insert_one(transaction: &mut Transaction, tenant: &str, draft: Draft) -> Result<RaySet, Error> {
+/// Adds a ray set to the transaction that makes it known; with its time.
+///
+/// # Errors
+/// The database did not answer.
+pub(super) async fn insert_one(transaction: &mut Transaction, tenant: &str, draft: Draft) -> Result<RaySet, Error> {
     let Draft { ray_set: new, parts, inspection } = draft;
     let insert = "INSERT INTO ray_sets (tenant, id, name, byte_count, sha256, header, packed_name, packed_sha256, \
                   declared, created_ms) VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, {now}) RETURNING created_ms";

@@ -59,6 +59,8 @@ pub enum Value {
     Text(Option<String>),
     /// BIGINT.
     Number(i64),
+    /// A BIGINT that is absent.
+    NoNumber,
     /// DOUBLE PRECISION.
     Real(f64),
 }
@@ -81,6 +83,11 @@ impl From<Option<&str>> for Value {
 impl From<i64> for Value {
     fn from(number: i64) -> Value {
         Value::Number(number)
+    }
+}
+impl From<Option<i64>> for Value {
+    fn from(number: Option<i64>) -> Value {
+        number.map_or(Value::NoNumber, Value::Number)
     }
 }
 impl From<f64> for Value {
@@ -123,6 +130,7 @@ impl Statement {
         self.values.into_iter().fold(query, |query, value| match value {
             Value::Text(text) => query.bind(text),
             Value::Number(number) => query.bind(number),
+            Value::NoNumber => query.bind(None::<i64>),
             Value::Real(real) => query.bind(real),
         })
     }

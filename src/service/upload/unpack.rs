@@ -1,10 +1,12 @@
 //! Unpacks an upload: every ray file in it becomes a ray set of its own, stored part by part as it comes out. What is no ray
 //! file is left out and said so; a broken packed file gives nothing.
 
-use super::jobs::channels::FileDeclaration;
-use super::storage::new_id;
-use super::storage::ray_sets::{Draft, Packed};
-use super::upload::{Error, Intake, LeftOut, Spool, Stored};
+use super::super::access::quota::Room;
+use super::super::jobs::channels::FileDeclaration;
+use super::super::storage::new_id;
+use super::super::storage::ray_sets::{Draft, Packed};
+use super::spool::Spool;
+use super::{Error, Intake, LeftOut, Stored};
 use crate::pipeline::{self, Content, Member};
 use std::io;
 use tokio::runtime::Handle;
@@ -15,18 +17,30 @@ use tokio_util::sync::CancellationToken;
 const BLOCK_BYTES: usize = 256 << 10;
 
 impl Intake {
-    /// The ray sets in a stored packed file, and what else is in it. On a thread of its own: unpacking computes.
+    /// The ray sets in a stored packed file, and what else is in it. On a thread of its own: unpacking computes. What comes
+    /// out must find `room` as it does.
     ///
     /// # Errors
-    /// [`Error::Packed`], [`Error::NoRayFile`], [`Error::TooLarge`], [`Error::Storage`]; nothing unpacked is left behind.
+    /// [`Error::Packed`], [`Error::NoRayFile`], [`Error::TooLarge`], [`Error::Quota`], [`Error::LowSpace`],
+    /// [`Error::Storage`]; nothing unpacked is left behind.
     pub(super) async fn unpack(
         &self,
         packed: Stored,
         declared: FileDeclaration,
+        room: Room,
         gone: CancellationToken,
     ) -> Result<(Vec<Draft>, Vec<LeftOut>), Error> {
-        let (intake, runtime) = (self.clone(), Handle::current());
-        let unpacked = spawn_blocking(move || Unpacking::run(intake, runtime, &packed, declared, gone));
+        let unpacking = Unpacking {
+            intake: self.clone(),
+            runtime: Handle::current(),
+            gone,
+            packed: Packed { name: packed.name.clone(), sha256: packed.sha256.clone() },
+            declared,
+            room,
+            drafts: Vec::new(),
+            left_out: Vec::new(),
+        };
+        let unpacked = spawn_blocking(move || unpacking.run(&packed));
         unpacked.await.map_err(|error| pipeline::Error::Unreadable(io::Error::other(error)))?
     }
 }
@@ -38,28 +52,21 @@ struct Unpacking {
     gone: CancellationToken,
     packed: Packed,
     declared: FileDeclaration,
+    room: Room,
     drafts: Vec<Draft>,
     left_out: Vec<LeftOut>,
 }
 
 impl Unpacking {
-    fn run(
-        intake: Intake,
-        runtime: Handle,
-        stored: &Stored,
-        declared: FileDeclaration,
-        gone: CancellationToken,
-    ) -> Result<(Vec<Draft>, Vec<LeftOut>), Error> {
-        let (bytes, limits) = (intake.read(stored), intake.limits);
-        let packed = Packed { name: stored.name.clone(), sha256: stored.sha256.clone() };
-        let mut this = Unpacking { intake, runtime, gone, packed, declared, drafts: Vec::new(), left_out: Vec::new() };
-        let done = pipeline::unpack(&bytes, &stored.name, &limits, |name, content| this.visit(name, content));
+    fn run(mut self, stored: &Stored) -> Result<(Vec<Draft>, Vec<LeftOut>), Error> {
+        let (bytes, limits) = (self.intake.read(stored), self.intake.limits);
+        let done = pipeline::unpack(&bytes, &stored.name, &limits, |name, content| self.visit(name, content));
         match done {
-            Ok(()) if this.drafts.is_empty() => Err(Error::NoRayFile(this.left_out)),
-            Ok(()) => Ok((this.drafts, this.left_out)),
+            Ok(()) if self.drafts.is_empty() => Err(Error::NoRayFile(self.left_out)),
+            Ok(()) => Ok((self.drafts, self.left_out)),
             Err(error) => {
-                for Draft { ray_set, .. } in &this.drafts {
-                    this.runtime.block_on(this.intake.forget(&ray_set.id));
+                for Draft { ray_set, .. } in &self.drafts {
+                    self.runtime.block_on(self.intake.forget(&ray_set.id));
                 }
                 Err(error)
             }
@@ -90,6 +97,7 @@ impl Unpacking {
 
     fn store(&self, id: &str, name: &str, member: &mut Member<'_>) -> Result<Stored, Error> {
         let mut spool = Spool::new(&self.intake, id, None);
+        let before: u64 = self.drafts.iter().map(|draft| draft.ray_set.byte_count).sum();
         let mut block = vec![0; BLOCK_BYTES];
         loop {
             if self.gone.is_cancelled() {
@@ -100,6 +108,7 @@ impl Unpacking {
                 return self.runtime.block_on(spool.end(name.to_owned()));
             }
             self.runtime.block_on(spool.push(block.get(..count).unwrap_or_default()))?;
+            self.room.admit(before + spool.byte_count())?;
         }
     }
 }

@@ -1,5 +1,8 @@
 //! Errors as clients see them (RFC 9457): the one place where an error becomes a status code.
 
+/// What can go wrong with an upload that is to be resumed.
+mod uploads;
+
 use super::super::access::keys::Refusal;
 use super::super::access::quota::Exceeded;
 use super::super::jobs::{Failure, State, queue};
@@ -401,6 +404,7 @@ impl From<upload::Error> for Problem {
             Error::Unfit(error) | Error::Packed(error) => error.into(),
             Error::NoRayFile(left_out) => Problem::no_ray_file(&left_out),
             Error::Quota(exceeded) => exceeded.into(),
+            Error::LowSpace => Problem::low_space(),
             Error::Storage(error) => error.into(),
         }
     }

@@ -2,31 +2,41 @@
 //! grow with the file: what is not yet a stored part is at most one part. A packed file is stored as it comes and unpacked
 //! when all of it is there: its digest covers what was sent.
 
+/// How much of a file has come.
+mod extent;
+/// From bytes to parts.
+mod spool;
+/// What is in a packed file.
+mod unpack;
+/// What a client says of the bytes of one request.
+pub mod checksum;
+/// Uploads that can be resumed.
+pub mod resume;
+/// What becomes of them.
+pub mod finish;
+
 use super::access::quota::{Exceeded, Quota, Room};
-use super::crash;
 use super::jobs::channels::FileDeclaration;
 use super::jobs::worker::hex;
 use super::pace::{Pace, Slowest, TooSlow};
 use super::storage::inspections::{Drawing, Inspection};
 use super::storage::parts::{Part, Parts};
 use super::storage::ray_sets::{self, Draft, Packed, RaySet};
+use super::storage::space::Space;
 use super::storage::{self, Storage, new_id, ray_set_folder};
 use crate::pipeline::{self, Artifact, Fault, Input, Limits, Place, Stage, Watch};
-use bytes::{Bytes, BytesMut};
+use bytes::Bytes;
 use futures::Stream;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+pub use spool::PART_BYTES;
+use spool::Spool;
 use std::fmt::Display;
 use std::pin::pin;
 use std::sync::Arc;
 use tokio::runtime::Handle;
 use tokio::task::spawn_blocking;
 use tokio_util::sync::CancellationToken;
-
-/// Length of every part but the last, bytes.
-pub const PART_BYTES: usize = 8 << 20;
-/// How much of a file is judged as soon as it is there, bytes.
-const PREFIX_BYTES: usize = 64 << 10;
 
 /// Why a ray file is not taken in.
 #[derive(Debug, thiserror::Error)]
@@ -63,13 +73,16 @@ pub enum Error {
     /// The tenant has no room for it.
     #[error(transparent)]
     Quota(#[from] Exceeded),
+    /// Less room on the disk than is kept free.
+    #[error("the store has less room than it keeps free")]
+    LowSpace,
     /// A store did not answer.
     #[error(transparent)]
     Storage(#[from] storage::Error),
 }
 
 /// A file in a packed one that is no ray set, and why.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, utoipa::ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct LeftOut {
     /// Its name in the packed file.
     pub name: String,
@@ -136,6 +149,8 @@ pub struct Intake {
     pub slowest: Slowest,
     /// What a tenant may keep that has no quota of its own.
     pub quota: Quota,
+    /// Room on local disks.
+    pub space: Space,
     /// What a ray file may ask of this machine.
     pub limits: Limits,
 }
@@ -161,7 +176,12 @@ impl Intake {
                 return Err(error);
             }
         };
-        let (drafts, left_out) = self.drafts(stored, declared, gone).await?;
+        let is_packed = stored.is_packed;
+        let drafts = self.drafts(stored, declared, room, gone).await;
+        if is_packed || drafts.is_err() {
+            self.forget(&id).await;
+        }
+        let (drafts, left_out) = drafts?;
         let ids: Vec<String> = drafts.iter().map(|draft| draft.ray_set.id.clone()).collect();
         // From here on the rows may be there, whatever the answer: only the sweep of garbage can tell.
         let known = ray_sets::insert(&self.storage.records, tenant, self.quota, drafts).await;
@@ -176,26 +196,22 @@ impl Intake {
         Ok(Taken { ray_sets: known?, left_out })
     }
 
-    /// The ray sets that a stored file is to be: itself, or those in it when it is packed. Its own blobs are then gone, as they
-    /// are when this fails. Stops when its client is `gone`.
+    /// The ray sets that a stored file is to be: itself, or those in it, when it is packed, as far as there is `room`. Stops
+    /// when its client is `gone`.
     ///
     /// # Errors
-    /// [`Error`]; nothing is left behind.
+    /// [`Error`]; of what was unpacked nothing is left behind.
     pub(super) async fn drafts(
         &self,
         stored: Stored,
         declared: FileDeclaration,
+        room: Room,
         gone: CancellationToken,
     ) -> Result<(Vec<Draft>, Vec<LeftOut>), Error> {
-        let (id, is_packed) = (stored.id.clone(), stored.is_packed);
-        let drafts = match is_packed {
-            true => self.unpack(stored, declared, gone).await,
+        match stored.is_packed {
+            true => self.unpack(stored, declared, room, gone).await,
             false => self.draft(stored, None, &declared, gone).await.map(|draft| (vec![draft], Vec::new())),
-        };
-        if is_packed || drafts.is_err() {
-            self.forget(&id).await;
         }
-        drafts
     }
 
     /// Deletes the blobs of a ray set that no row names. Should this fail too, the next start sweeps them.
@@ -219,7 +235,7 @@ impl Intake {
         let mut pace = Pace::new(self.slowest);
         while let Some(chunk) = pace.next(&mut body).await? {
             spool.push(&chunk.map_err(|error| Error::Truncated(error.to_string()))?).await?;
-            room.admit(spool.byte_count)?;
+            room.admit(spool.byte_count())?;
         }
         let stored = spool.end(announcement.name).await?;
         match announcement.sha256.into_iter().find(|announced| *announced != stored.sha256) {
@@ -308,107 +324,5 @@ impl Watch for Until {
 
     fn cancelled(&self) -> bool {
         self.0.is_cancelled()
-    }
-}
-
-/// The part being filled, and what is known of those before it.
-pub(super) struct Spool<'a> {
-    intake: &'a Intake,
-    id: &'a str,
-    announced: Option<u64>,
-    buffer: BytesMut,
-    parts: Vec<Part>,
-    byte_count: u64,
-    sha256: Sha256,
-    judged: bool,
-    is_packed: bool,
-}
-
-impl<'a> Spool<'a> {
-    /// Nothing stored yet; `announced` is the file's length, where known.
-    pub fn new(intake: &'a Intake, id: &'a str, announced: Option<u64>) -> Spool<'a> {
-        Spool {
-            intake,
-            id,
-            announced,
-            buffer: BytesMut::new(),
-            parts: Vec::new(),
-            byte_count: 0,
-            sha256: Sha256::new(),
-            judged: false,
-            is_packed: false,
-        }
-    }
-
-    /// Takes the next bytes.
-    ///
-    /// # Errors
-    /// [`Error::TooLarge`], [`Error::Unfit`], [`Error::Storage`].
-    pub async fn push(&mut self, chunk: &[u8]) -> Result<(), Error> {
-        self.byte_count += chunk.len() as u64;
-        if self.byte_count > self.intake.max_bytes {
-            return Err(Error::TooLarge(self.intake.max_bytes));
-        }
-        self.sha256.update(chunk);
-        let mut rest = chunk;
-        while !rest.is_empty() {
-            let (now, later) = rest.split_at(rest.len().min(PART_BYTES - self.buffer.len()));
-            self.buffer.extend_from_slice(now);
-            rest = later;
-            if self.buffer.len() >= PREFIX_BYTES {
-                self.judge()?;
-            }
-            if self.buffer.len() == PART_BYTES {
-                self.store().await?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Stores the last part.
-    ///
-    /// # Errors
-    /// As [`Spool::push`]; [`Error::Truncated`], [`Error::Empty`].
-    pub async fn end(mut self, name: String) -> Result<Stored, Error> {
-        if self.announced.is_some_and(|announced| announced != self.byte_count) {
-            return Err(Error::Truncated(format!("{} bytes came", self.byte_count)));
-        }
-        if self.byte_count == 0 {
-            return Err(Error::Empty);
-        }
-        self.announced = Some(self.byte_count);
-        self.judge()?;
-        if !self.buffer.is_empty() {
-            self.store().await?;
-        }
-        let sha256 = hex(&self.sha256.finalize());
-        let Spool { id, byte_count, parts, is_packed, .. } = self;
-        Ok(Stored { id: id.to_owned(), name, sha256, is_packed, byte_count, parts })
-    }
-
-    /// Looks at the beginning, once: a wrong file is refused before its gigabytes are sent. What is in a packed one is judged
-    /// when it is unpacked.
-    fn judge(&mut self) -> Result<(), Error> {
-        if !self.judged {
-            let prefix = self.buffer.get(..PREFIX_BYTES).unwrap_or(&self.buffer);
-            self.is_packed = pipeline::packing(prefix).is_some();
-            if !self.is_packed {
-                pipeline::peek(prefix, self.announced, &self.intake.limits)?;
-            }
-            self.judged = true;
-        }
-        Ok(())
-    }
-
-    async fn store(&mut self) -> Result<(), Error> {
-        let bytes = self.buffer.split().freeze();
-        let part = Part {
-            blob: format!("{}/{:06}", ray_set_folder(self.id), self.parts.len()),
-            byte_count: bytes.len() as u64,
-        };
-        self.intake.storage.blobs.put(&part.blob, bytes).await?;
-        crash::point("upload.part_stored");
-        self.parts.push(part);
-        Ok(())
     }
 }

@@ -1,0 +1,249 @@
+//! tus 1.0.0 (tus.io/protocols/resumable-upload): its headers, read and written, and what holds for every request and answer.
+
+use super::super::upload::checksum::{ALGORITHMS, Checksum};
+use super::Api;
+use super::problem::Problem;
+use super::sending::Sending;
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD as BASE64;
+use serde_json::{Map, Value};
+use std::time::{Duration, SystemTime};
+
+/// Where uploads are that speak it.
+pub const PATH: &str = "/v1/uploads";
+/// The media type of bytes that are added to an upload.
+pub const MEDIA_TYPE: &str = "application/offset+octet-stream";
+
+const VERSION: &str = "1.0.0";
+const EXTENSIONS: &str = "creation,creation-with-upload,creation-defer-length,termination,checksum,expiration";
+
+/// Which version a request or an answer speaks.
+pub const RESUMABLE: HeaderName = HeaderName::from_static("tus-resumable");
+/// How much is there, or where a request goes on, bytes.
+pub const OFFSET: HeaderName = HeaderName::from_static("upload-offset");
+/// Length of the whole, bytes.
+pub const LENGTH: HeaderName = HeaderName::from_static("upload-length");
+/// `1`: the length is said later.
+pub const DEFER_LENGTH: HeaderName = HeaderName::from_static("upload-defer-length");
+/// What is said of the file.
+pub const METADATA: HeaderName = HeaderName::from_static("upload-metadata");
+/// When the upload is forgotten.
+pub const EXPIRES: HeaderName = HeaderName::from_static("upload-expires");
+const CHECKSUM: HeaderName = HeaderName::from_static("upload-checksum");
+const VERSIONS: HeaderName = HeaderName::from_static("tus-version");
+const EXTENSION: HeaderName = HeaderName::from_static("tus-extension");
+const MAX_SIZE: HeaderName = HeaderName::from_static("tus-max-size");
+const CHECKSUM_ALGORITHM: HeaderName = HeaderName::from_static("tus-checksum-algorithm");
+
+/// What pages of other origins may see of an answer.
+pub const SEEN: [HeaderName; 10] =
+    [RESUMABLE, OFFSET, LENGTH, DEFER_LENGTH, METADATA, EXPIRES, VERSIONS, EXTENSION, MAX_SIZE, CHECKSUM_ALGORITHM];
+
+/// Answers what the service can do (OPTIONS), refuses other versions, and names ours in every answer.
+pub async fn speak(State(api): State<Api>, request: Request, next: Next) -> Response {
+    let path = request.uri().path();
+    if path != PATH && !path.strip_prefix(PATH).is_some_and(|rest| rest.starts_with('/')) {
+        return next.run(request).await;
+    }
+    // A browser that asks before it asks is answered elsewhere.
+    let asks_first = request.headers().contains_key("access-control-request-method");
+    let mut response = if *request.method() == Method::OPTIONS && !asks_first {
+        abilities(api.intake.max_bytes)
+    } else {
+        match spoken(&request) {
+            Ok(()) => next.run(request).await,
+            Err(problem) => {
+                let mut response = problem.into_response();
+                response.headers_mut().insert(VERSIONS, HeaderValue::from_static(VERSION));
+                response
+            }
+        }
+    };
+    response.headers_mut().insert(RESUMABLE, HeaderValue::from_static(VERSION));
+    response
+}
+
+fn abilities(max_bytes: u64) -> Response {
+    let told = [(VERSIONS, VERSION.to_owned()), (EXTENSION, EXTENSIONS.to_owned()), (MAX_SIZE, max_bytes.to_string())];
+    let told = told.into_iter().chain([(CHECKSUM_ALGORITHM, ALGORITHMS.join(","))]);
+    let mut response = StatusCode::NO_CONTENT.into_response();
+    for (name, value) in told {
+        tell(response.headers_mut(), name, &value);
+    }
+    response
+}
+
+/// Whether a request speaks our version. Those that only look or delete need not say.
+fn spoken(request: &Request) -> Result<(), Problem> {
+    let found = request.headers().get(RESUMABLE).map(|version| version.to_str().unwrap_or("?"));
+    match found {
+        Some(VERSION) => Ok(()),
+        None if matches!(*request.method(), Method::GET | Method::HEAD | Method::DELETE | Method::OPTIONS) => Ok(()),
+        other => Err(Problem::tus_version(other)),
+    }
+}
+
+/// Adds a header whose value was made of plain characters.
+pub fn tell(headers: &mut HeaderMap, name: HeaderName, value: &str) {
+    if let Ok(value) = HeaderValue::try_from(value) {
+        headers.insert(name, value);
+    }
+}
+
+/// A moment as headers write it.
+pub fn date(epoch_ms: i64) -> String {
+    httpdate::fmt_http_date(SystemTime::UNIX_EPOCH + Duration::from_millis(epoch_ms.max(0).unsigned_abs()))
+}
+
+fn text<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Option<&'a str> {
+    headers.get(name).map(|value| value.to_str().unwrap_or("?"))
+}
+
+/// A header that counts bytes.
+///
+/// # Errors
+/// `request.malformed_header`.
+pub fn bytes(headers: &HeaderMap, name: &HeaderName) -> Result<Option<u64>, Problem> {
+    let wrong = || Problem::malformed_header(name.as_str(), "It is not a number of bytes.");
+    // A number of a row is signed.
+    let read = |text: &str| text.parse().ok().filter(|bytes| *bytes <= i64::MAX.unsigned_abs()).ok_or_else(wrong);
+    text(headers, name).map(read).transpose()
+}
+
+/// The length that an upload begins with; `None` when it is said later.
+///
+/// # Errors
+/// `request.malformed_header`: neither or both are said.
+pub fn length(headers: &HeaderMap) -> Result<Option<u64>, Problem> {
+    match (bytes(headers, &LENGTH)?, text(headers, &DEFER_LENGTH)) {
+        (Some(length), None) => Ok(Some(length)),
+        (None, Some("1")) => Ok(None),
+        _ => {
+            let detail = "Say either Upload-Length or Upload-Defer-Length: 1.";
+            Err(Problem::malformed_header(LENGTH.as_str(), detail))
+        }
+    }
+}
+
+/// What is said of the bytes of a request.
+///
+/// # Errors
+/// `request.malformed_header`.
+pub fn checksum(headers: &HeaderMap) -> Result<Option<Checksum>, Problem> {
+    let Some(value) = text(headers, &CHECKSUM) else { return Ok(None) };
+    let wrong = || {
+        let detail = format!("It is not one of {}, a space and a digest in base64.", ALGORITHMS.join(", "));
+        Problem::malformed_header(CHECKSUM.as_str(), &detail)
+    };
+    let (algorithm, digest) = value.split_once(' ').ok_or_else(wrong)?;
+    let digest = BASE64.decode(digest).map_err(|_| wrong())?;
+    Checksum::new(algorithm, digest).map(Some).ok_or_else(wrong)
+}
+
+/// `Upload-Metadata`, read.
+#[derive(Default)]
+pub struct Metadata {
+    /// As it was sent.
+    pub sent: String,
+    /// The name and what is declared, in the words of the query that files are sent with.
+    pub sending: Sending,
+    /// SHA-256 of the whole, lower-case hex.
+    pub sha256: Option<String>,
+}
+
+/// What is said of the whole file. Keys that mean nothing here are kept and not judged: clients have their own.
+///
+/// # Errors
+/// `request.malformed_header`; what the query of a plain upload is refused for.
+pub fn metadata(headers: &HeaderMap) -> Result<Metadata, Problem> {
+    let sent = text(headers, &METADATA).unwrap_or_default();
+    let wrong = |detail: &str| Problem::malformed_header(METADATA.as_str(), detail);
+    let mut known = Map::new();
+    for pair in sent.split(',').map(str::trim).filter(|pair| !pair.is_empty()) {
+        let (key, value) = pair.split_once(' ').unwrap_or((pair, ""));
+        let value = BASE64.decode(value.trim()).map_err(|_| wrong(&format!("The value of {key} is not base64.")))?;
+        if ["filename", "name", "sha256", "length_unit", "quantity", "columns"].contains(&key) {
+            let value = String::from_utf8(value).map_err(|_| wrong(&format!("The value of {key} is not UTF-8.")))?;
+            if known.insert(key.to_owned(), Value::String(value)).is_some() {
+                return Err(wrong(&format!("{key} is said twice.")));
+            }
+        }
+    }
+    let sha256 = known.remove("sha256").and_then(|value| value.as_str().map(str::to_ascii_lowercase));
+    if sha256.as_ref().is_some_and(|hex| hex.len() != 64 || !hex.bytes().all(|byte| byte.is_ascii_hexdigit())) {
+        return Err(wrong("The value of sha256 is not 64 hexadecimal digits."));
+    }
+    if let Some(name) = known.remove("filename") {
+        known.insert("name".to_owned(), name);
+    }
+    let sending: Sending = serde_path_to_error::deserialize(Value::Object(known))
+        .map_err(|error| Problem::wrong_shape(&error.path().to_string(), &error.inner().to_string()))?;
+    Ok(Metadata { sent: sent.to_owned(), sending, sha256 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn headers(pairs: &[(&'static str, &str)]) -> HeaderMap {
+        let pairs = pairs.iter().map(|(name, value)| (HeaderName::from_static(name), value.parse().unwrap()));
+        pairs.collect()
+    }
+
+    #[test]
+    fn metadata_is_read_as_tus_writes_it() {
+        // The example of the protocol's chapter on creation, and the digest of FIPS 180-2, B.1, in capitals.
+        let sent = "filename d29ybGRfZG9taW5hdGlvbl9wbGFuLnBkZg==,is_confidential";
+        let read = metadata(&headers(&[("upload-metadata", sent)])).unwrap();
+        assert_eq!((read.sent.as_str(), read.sending.name.as_deref()), (sent, Some("world_domination_plan.pdf")));
+        let hex = "BA7816BF8F01CFEA414140DE5DAE2223B00361A396177A9CB410FF61F20015AD";
+        let sent = format!("name bGVkLmRhdA==, length_unit bW0=,sha256 {}", BASE64.encode(hex));
+        let read = metadata(&headers(&[("upload-metadata", &sent)])).unwrap();
+        assert_eq!(read.sha256, Some(hex.to_lowercase()));
+        assert_eq!(read.sending.name.as_deref(), Some("led.dat"));
+        let declared = serde_json::to_value(read.sending.declaration().unwrap()).unwrap();
+        assert_eq!(declared, serde_json::json!({"length_unit": "mm"}));
+        for (wrong, code) in [
+            ("filename ?", "request.malformed_header"),
+            ("filename YQ==,filename Yg==", "request.malformed_header"),
+            ("filename /w==", "request.malformed_header"),
+            ("sha256 YWJj", "request.malformed_header"),
+            ("length_unit ZnVybG9uZw==", "request.wrong_type"),
+        ] {
+            let problem = metadata(&headers(&[("upload-metadata", wrong)])).err().unwrap();
+            assert_eq!(problem.code, code, "{wrong}");
+        }
+    }
+
+    #[test]
+    fn lengths_offsets_and_checksums_are_said_once_and_rightly() {
+        let said =
+            |pairs: &[(&'static str, &str)]| length(&headers(pairs)).map_err(|problem| problem.code.into_owned());
+        assert_eq!(said(&[("upload-length", "100")]), Ok(Some(100)));
+        assert_eq!(said(&[("upload-defer-length", "1")]), Ok(None));
+        let wrong = Err("request.malformed_header".to_owned());
+        for pairs in [
+            &[][..],
+            &[("upload-length", "1"), ("upload-defer-length", "1")],
+            &[("upload-defer-length", "0")],
+            &[("upload-length", "-1")],
+            &[("upload-length", "1.0")],
+            &[("upload-length", "9223372036854775808")],
+        ] {
+            assert_eq!(said(pairs), wrong, "{pairs:?}");
+        }
+        // The example of the protocol's chapter on checksums.
+        let check = |value| checksum(&headers(&[("upload-checksum", value)]));
+        assert!(check("sha1 Kq5sNclPz7QV2+lfQIuc6R7oRu0=").unwrap().is_some());
+        assert!(checksum(&HeaderMap::new()).unwrap().is_none());
+        for wrong in ["sha1", "md5 Kq5sNclPz7QV2+lfQIuc6R7oRu0=", "sha1 ?", "SHA1 Kq5sNclPz7QV2+lfQIuc6R7oRu0="] {
+            assert_eq!(check(wrong).unwrap_err().code, "request.malformed_header", "{wrong}");
+        }
+        // RFC 9110, section 5.6.7.
+        assert_eq!(date(784_111_777_000), "Sun, 06 Nov 1994 08:49:37 GMT");
+    }
+}

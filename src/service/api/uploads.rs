@@ -1,0 +1,362 @@
+//! `/v1/uploads`: ray files that come in several requests, after tus 1.0.0.
+
+use super::super::access::Access;
+use super::super::jobs::channels::FileDeclaration;
+use super::super::storage::uploads::{self, State as UploadState};
+use super::super::upload::finish::Became;
+use super::super::upload::resume::{Error, Piece, refusal};
+use super::super::upload::{Announcement, LeftOut};
+use super::Api;
+use super::extract::{Page, Path, Query, cut};
+use super::problem::Problem;
+use super::ray_sets::announcement;
+use super::tus;
+use axum::Json;
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use utoipa::ToSchema;
+
+/// An upload that can be resumed.
+#[derive(Serialize, ToSchema)]
+pub struct Upload {
+    /// Its identifier.
+    #[schema(format = Uuid)]
+    id: String,
+    /// Where it is: `receiving` bytes, `finishing` (all are there and are being read), `taken` or `refused`.
+    #[schema(example = "receiving")]
+    state: &'static str,
+    /// How much of it is there, bytes.
+    offset: u64,
+    /// Length of the whole, bytes; null until it is said.
+    length: Option<u64>,
+    /// What it is called.
+    name: String,
+    /// What was said of it.
+    declared: FileDeclaration,
+    /// The ray sets that it has become: empty until it is `taken`.
+    ray_sets: Vec<String>,
+    /// What else was in a packed file, and why it is no ray set.
+    left_out: Vec<LeftOut>,
+    /// Why it was `refused`; null otherwise.
+    problem: Option<Problem>,
+    /// When it began, epoch ms.
+    created_ms: i64,
+    /// When it is forgotten, epoch ms, unless something comes. Ray sets that it has become stay.
+    expires_ms: i64,
+    /// Where it is.
+    links: UploadLinks,
+}
+
+/// Where an upload is.
+#[derive(Serialize, ToSchema)]
+pub struct UploadLinks {
+    /// Itself.
+    #[serde(rename = "self")]
+    this: String,
+    /// The ray sets that it has become.
+    ray_sets: Vec<String>,
+}
+
+/// Uploads, newest first.
+#[derive(Serialize, ToSchema)]
+pub struct UploadList {
+    /// One page of them.
+    uploads: Vec<Upload>,
+    /// The `after` of the next page; null on the last.
+    next: Option<String>,
+}
+
+impl From<uploads::Upload> for Upload {
+    fn from(row: uploads::Upload) -> Upload {
+        let problem = (row.state == UploadState::Refused).then(|| refusal(&row));
+        let became =
+            (row.state == UploadState::Taken).then(|| row.result.as_deref().map(serde_json::from_str::<Became>));
+        let Became { ray_sets, left_out } = became.flatten().and_then(Result::ok).unwrap_or_default();
+        let links = UploadLinks {
+            this: address(&row.id),
+            ray_sets: ray_sets.iter().map(|id| format!("/v1/ray-sets/{id}")).collect(),
+        };
+        Upload {
+            state: row.state.name(),
+            offset: row.offset,
+            length: row.byte_count,
+            name: row.name,
+            declared: row.declared,
+            ray_sets,
+            left_out,
+            problem,
+            created_ms: row.created_ms,
+            expires_ms: row.expires_ms,
+            id: row.id,
+            links,
+        }
+    }
+}
+
+fn address(id: &str) -> String {
+    format!("{}/{id}", tus::PATH)
+}
+
+/// Begins an upload that can be resumed
+///
+/// tus 1.0.0 with the extensions that OPTIONS names; any tus client will do. `Upload-Metadata` may have `filename` (or `name`),
+/// `length_unit`, `quantity`, `columns` (as in the query of a plain upload) and `sha256` (hex, of the whole). The first bytes may
+/// come along as the body.
+#[utoipa::path(
+    post, path = "/v1/uploads", tag = "uploads", operation_id = "create_upload",
+    params(
+        ("Tus-Resumable" = String, Header, description = "`1.0.0`"),
+        ("Upload-Length" = Option<u64>, Header, description = "length of the whole, bytes"),
+        ("Upload-Defer-Length" = Option<String>, Header, description = "`1`: the length is said later"),
+        ("Upload-Metadata" = Option<String>, Header, description = "`key base64,key base64,..`"),
+        ("Upload-Checksum" = Option<String>, Header, description = "`sha1 <base64>` or `sha256 <base64>` of the body"),
+        ("Repr-Digest" = Option<String>, Header, description = "`sha-256=:<base64>:` (RFC 9530) of the whole: verified at its end"),
+    ),
+    request_body(content = inline(Option<super::Binary>), content_type = "application/offset+octet-stream", description = "the first bytes, or nothing"),
+    responses(
+        (status = 201, description = "begun", headers(("Location" = String, description = "the upload"), ("Upload-Offset" = u64, description = "how much of it is there, bytes"), ("Upload-Expires" = String, description = "when it is forgotten, unless something comes"))),
+        (status = 400, body = Problem, content_type = "application/problem+json", description = "malformed file or header; no bytes"),
+        (status = 408, body = Problem, content_type = "application/problem+json", description = "the body fell silent"),
+        (status = 412, body = Problem, content_type = "application/problem+json", description = "another version of tus"),
+        (status = 413, body = Problem, content_type = "application/problem+json", description = "larger than this service takes, or than there is quota for"),
+        (status = 415, body = Problem, content_type = "application/problem+json", description = "a body of another type"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "a file that is refused; unusable metadata"),
+        (status = 460, body = Problem, content_type = "application/problem+json", description = "the checksum does not match; nothing was begun"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, stopping, or a store that does not answer"),
+        (status = 507, body = Problem, content_type = "application/problem+json", description = "no room for more"),
+    )
+)]
+pub async fn create(
+    State(api): State<Api>,
+    access: Access,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Response, Problem> {
+    if api.draining.is_cancelled() {
+        return Err(Problem::draining());
+    }
+    let metadata = tus::metadata(&headers)?;
+    let declared = metadata.sending.declaration()?;
+    let body_headers = announcement(metadata.sending.name, &headers, "rays")?;
+    let whole = Announcement { declared, byte_count: tus::length(&headers)?, ..body_headers.clone() };
+    let whole = Announcement { sha256: whole.sha256.into_iter().chain(metadata.sha256).collect(), ..whole };
+    let piece = first_piece(&headers, body_headers.byte_count)?;
+    let mut upload = api.uploads.create(&access.tenant, metadata.sent, whole).await?;
+    if let Some(piece) = piece {
+        upload = append_first(api, access, upload.id, piece, body).await?;
+    }
+    let mut response = StatusCode::CREATED.into_response();
+    tus::tell(response.headers_mut(), header::LOCATION, &address(&upload.id));
+    tell_progress(response.headers_mut(), &upload);
+    Ok(response)
+}
+
+/// The bytes that come with the beginning, if any do.
+fn first_piece(headers: &HeaderMap, byte_count: Option<u64>) -> Result<Option<Piece>, Problem> {
+    let is_ours = is_ours(headers);
+    // Without a type and without a length there is no body, or one of a client that says nothing: not ours to guess.
+    if byte_count.unwrap_or(0) > 0 && !is_ours {
+        return Err(wrong_type());
+    }
+    let piece = Piece { byte_count, checksum: tus::checksum(headers)?, ..Piece::default() };
+    Ok((is_ours && byte_count != Some(0)).then_some(piece))
+}
+
+/// Adds the first bytes; where that fails nothing is begun, since its sender would not know of it.
+async fn append_first(
+    api: Api,
+    access: Access,
+    id: String,
+    piece: Piece,
+    body: Body,
+) -> Result<uploads::Upload, Problem> {
+    let (tenant, uploads) = (access.tenant.clone(), api.uploads.clone());
+    let appended = append_all(api, access, id.clone(), piece, body).await;
+    // What was refused is told by its answer alone.
+    if appended.is_err()
+        && let Err(error) = uploads.delete(&tenant, &id).await
+    {
+        tracing::warn!(upload = id, %error, "an upload that nobody knows of stays until its time is over");
+    }
+    appended
+}
+
+/// Goes on with an upload
+///
+/// The body is added where the upload ends. What came of a body that breaks off is kept, unless it has a checksum: ask with HEAD
+/// how much. The answer to the last byte waits a while for what becomes of the file; a refusal within that time is the answer.
+#[utoipa::path(
+    patch, path = "/v1/uploads/{id}", tag = "uploads", operation_id = "append_to_upload",
+    params(
+        ("id" = String, Path, description = "the upload"),
+        ("Tus-Resumable" = String, Header, description = "`1.0.0`"),
+        ("Upload-Offset" = u64, Header, description = "how much of it is there, bytes"),
+        ("Upload-Length" = Option<u64>, Header, description = "length of the whole, where it was left open, bytes"),
+        ("Upload-Checksum" = Option<String>, Header, description = "`sha1 <base64>` or `sha256 <base64>` of the body"),
+    ),
+    request_body(content = inline(super::Binary), content_type = "application/offset+octet-stream", description = "the bytes that follow"),
+    responses(
+        (status = 204, description = "added", headers(("Upload-Offset" = u64, description = "how much of it is there now, bytes"), ("Upload-Expires" = String, description = "when it is forgotten, unless something comes"))),
+        (status = 400, body = Problem, content_type = "application/problem+json", description = "malformed file or header; truncated body; wrong digest"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
+        (status = 408, body = Problem, content_type = "application/problem+json", description = "the body fell silent"),
+        (status = 409, body = Problem, content_type = "application/problem+json", description = "it goes on elsewhere, or is complete"),
+        (status = 412, body = Problem, content_type = "application/problem+json", description = "another version of tus"),
+        (status = 413, body = Problem, content_type = "application/problem+json", description = "more than announced, or than there is quota for"),
+        (status = 415, body = Problem, content_type = "application/problem+json", description = "a body of another type"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "a file that is refused"),
+        (status = 460, body = Problem, content_type = "application/problem+json", description = "the checksum does not match; the body was not kept"),
+        (status = 500, body = Problem, content_type = "application/problem+json", description = "the file ends the process that reads it"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, stopping, or a store that does not answer"),
+        (status = 507, body = Problem, content_type = "application/problem+json", description = "no room for more"),
+    )
+)]
+pub async fn append(
+    State(api): State<Api>,
+    access: Access,
+    Path(id): Path<String>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Response, Problem> {
+    if api.draining.is_cancelled() {
+        return Err(Problem::draining());
+    }
+    if !is_ours(&headers) {
+        return Err(wrong_type());
+    }
+    let missing = || Problem::malformed_header(tus::OFFSET.as_str(), "It is missing.");
+    let piece = Piece {
+        offset: tus::bytes(&headers, &tus::OFFSET)?.ok_or_else(missing)?,
+        byte_count: tus::bytes(&headers, &header::CONTENT_LENGTH)?,
+        whole: tus::bytes(&headers, &tus::LENGTH)?,
+        checksum: tus::checksum(&headers)?,
+    };
+    let upload = append_all(api, access, id, piece, body).await?;
+    let mut response = StatusCode::NO_CONTENT.into_response();
+    tell_progress(response.headers_mut(), &upload);
+    Ok(response)
+}
+
+/// A task of its own: when the client goes away its handler is dropped, and what came must still be stored.
+async fn append_all(
+    api: Api,
+    access: Access,
+    id: String,
+    piece: Piece,
+    body: Body,
+) -> Result<uploads::Upload, Problem> {
+    let appended = tokio::spawn(async move {
+        let body = body.into_data_stream();
+        api.uploads.append(&access.tenant, &id, piece, body).await
+    });
+    let appended = appended.await.map_err(|error| {
+        tracing::error!(%error, "an upload stopped");
+        Problem::internal()
+    })?;
+    Ok(appended?)
+}
+
+fn is_ours(headers: &HeaderMap) -> bool {
+    let media_type = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
+    media_type.trim().eq_ignore_ascii_case(tus::MEDIA_TYPE)
+}
+
+fn wrong_type() -> Problem {
+    let remedy = "Send the bytes with Content-Type: application/offset+octet-stream.";
+    Problem::media_type("The body is not what tus sends.", remedy)
+}
+
+fn tell_progress(headers: &mut HeaderMap, upload: &uploads::Upload) {
+    tus::tell(headers, tus::OFFSET, &upload.offset.to_string());
+    tus::tell(headers, tus::EXPIRES, &tus::date(upload.expires_ms));
+}
+
+/// Tells how much of an upload is there
+#[utoipa::path(
+    head, path = "/v1/uploads/{id}", tag = "uploads", operation_id = "upload_offset",
+    params(("id" = String, Path, description = "the upload")),
+    responses(
+        (status = 200, description = "how much", headers(("Upload-Offset" = u64, description = "how much of it is there, bytes"), ("Upload-Length" = u64, description = "length of the whole, bytes, once it is said"), ("Upload-Defer-Length" = String, description = "`1` until it is"), ("Upload-Metadata" = String, description = "as it was sent"), ("Upload-Expires" = String, description = "when it is forgotten, unless something comes"))),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
+        (status = 410, body = Problem, content_type = "application/problem+json", description = "it was refused: GET tells why"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+    )
+)]
+pub async fn offset(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<Response, Problem> {
+    let upload = find(&api, &access, &id).await?;
+    if upload.state == UploadState::Refused {
+        return Err(Problem::gone(&id));
+    }
+    let mut response = StatusCode::OK.into_response();
+    let headers = response.headers_mut();
+    tell_progress(headers, &upload);
+    match upload.byte_count {
+        Some(length) => tus::tell(headers, tus::LENGTH, &length.to_string()),
+        None => tus::tell(headers, tus::DEFER_LENGTH, "1"),
+    }
+    if !upload.metadata.is_empty() {
+        tus::tell(headers, tus::METADATA, &upload.metadata);
+    }
+    Ok(response)
+}
+
+/// Tells of an upload, and what it has become
+#[utoipa::path(
+    get, path = "/v1/uploads/{id}", tag = "uploads", operation_id = "get_upload",
+    params(("id" = String, Path, description = "the upload")),
+    responses(
+        (status = 200, body = Upload, description = "what is known of it"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+    )
+)]
+pub async fn get(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<Json<Upload>, Problem> {
+    Ok(Json(find(&api, &access, &id).await?.into()))
+}
+
+async fn find(api: &Api, access: &Access, id: &str) -> Result<uploads::Upload, Problem> {
+    let upload = uploads::get(&api.storage.records, &access.tenant, id).await?;
+    upload.ok_or_else(|| Problem::no_upload(id))
+}
+
+/// Lists uploads, newest first
+///
+/// Unfinished ones, and those that have ended and are not forgotten yet.
+#[utoipa::path(
+    get, path = "/v1/uploads", tag = "uploads", operation_id = "list_uploads", params(Page),
+    responses(
+        (status = 200, body = UploadList, description = "one page"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "an unusable query"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+    )
+)]
+pub async fn list(
+    State(api): State<Api>,
+    access: Access,
+    Query(page): Query<Page>,
+) -> Result<Json<UploadList>, Problem> {
+    let limit = Page::limit(page.limit)?;
+    let rows = uploads::list(&api.storage.records, &access.tenant, page.after.as_deref(), limit as i64 + 1).await?;
+    let (rows, next) = cut(rows, limit, |row| &row.id);
+    Ok(Json(UploadList { uploads: rows.into_iter().map(Upload::from).collect(), next }))
+}
+
+/// Ends and forgets an upload
+///
+/// Its bytes go. Ray sets that it has become stay.
+#[utoipa::path(
+    delete, path = "/v1/uploads/{id}", tag = "uploads", operation_id = "delete_upload",
+    params(("id" = String, Path, description = "the upload")),
+    responses(
+        (status = 204, description = "gone"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "a store that does not answer"),
+    )
+)]
+pub async fn delete(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<StatusCode, Problem> {
+    api.uploads.delete(&access.tenant, &id).await.map_err(|error: Error| Problem::from(error))?;
+    Ok(StatusCode::NO_CONTENT)
+}

@@ -1,0 +1,302 @@
+//! Rows of uploads that can be resumed, while their bytes come. Every change names what it is a change of: the offset it
+//! goes on from and the session that may. What ends them is in `endings.rs`.
+
+use super::super::access::quota::{Exceeded, Quota};
+use super::super::jobs::channels::FileDeclaration;
+use super::Error;
+use super::parts::Part;
+use super::ray_sets::unreadable;
+use super::records::{Records, Row, Statement, Transaction, sql};
+use std::time::Duration;
+
+/// Unfinished uploads that a tenant may have at once.
+pub const MAX_UNFINISHED: u64 = 1000;
+
+/// Where an upload is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// Bytes are missing.
+    Receiving,
+    /// All are there; nobody knows yet what they are.
+    Finishing,
+    /// It has become ray sets.
+    Taken,
+    /// It has not, and its bytes are gone.
+    Refused,
+}
+
+impl State {
+    /// The word in rows and answers.
+    pub fn name(self) -> &'static str {
+        match self {
+            State::Receiving => "receiving",
+            State::Finishing => "finishing",
+            State::Taken => "taken",
+            State::Refused => "refused",
+        }
+    }
+
+    pub(super) fn parse(name: &str) -> Result<State, Error> {
+        let all = [State::Receiving, State::Finishing, State::Taken, State::Refused];
+        let found = all.into_iter().find(|state| state.name() == name);
+        found.ok_or_else(|| Error::Records(format!("an upload is {name:?}").into()))
+    }
+}
+
+/// An upload.
+#[derive(Clone, Debug)]
+pub struct Upload {
+    /// UUIDv7; of the ray set too that it becomes, unless it is packed.
+    pub id: String,
+    /// Where it is.
+    pub state: State,
+    /// What the user calls it.
+    pub name: String,
+    /// `Upload-Metadata`, as it was sent.
+    pub metadata: String,
+    /// How to read it, or every file in it.
+    pub declared: FileDeclaration,
+    /// SHA-256 of the whole, lower-case hex, as often as it was said.
+    pub announced: Vec<String>,
+    /// Length of the whole, bytes, where it was said.
+    pub byte_count: Option<u64>,
+    /// How much of it is stored, bytes.
+    pub offset: u64,
+    /// The state of its digest at the offset.
+    pub sha256_state: String,
+    /// What became of it, as JSON; `None` before its end.
+    pub result: Option<String>,
+    /// When it began, epoch ms.
+    pub created_ms: i64,
+    /// When it is forgotten, epoch ms, unless something comes.
+    pub expires_ms: i64,
+}
+
+pub(super) fn upload(row: &Row) -> Result<Upload, Error> {
+    Ok(Upload {
+        id: row.text("id")?,
+        state: State::parse(&row.text("state")?)?,
+        name: row.text("name")?,
+        metadata: row.text("metadata")?,
+        declared: serde_json::from_str(&row.text("declared")?).map_err(unreadable)?,
+        announced: serde_json::from_str(&row.text("announced")?).map_err(unreadable)?,
+        byte_count: row.optional_number("byte_count")?.map(|bytes| bytes.max(0).unsigned_abs()),
+        offset: row.count("offset_bytes")?,
+        sha256_state: row.text("sha256_state")?,
+        result: row.optional_text("result")?,
+        created_ms: row.number("created_ms")?,
+        expires_ms: row.number("expires_ms")?,
+    })
+}
+
+/// An upload to be.
+#[derive(Clone, Debug)]
+pub struct New {
+    /// UUIDv7.
+    pub id: String,
+    /// As in [`Upload`].
+    pub name: String,
+    /// As in [`Upload`].
+    pub metadata: String,
+    /// As in [`Upload`].
+    pub declared: FileDeclaration,
+    /// As in [`Upload`].
+    pub announced: Vec<String>,
+    /// As in [`Upload`].
+    pub byte_count: Option<u64>,
+    /// The state of a digest of nothing.
+    pub sha256_state: String,
+}
+
+/// Why an upload is not begun.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoRoom {
+    /// Its announced bytes find no room in the tenant's quota.
+    Quota(Exceeded),
+    /// The tenant has [`MAX_UNFINISHED`] already.
+    TooMany,
+}
+
+/// Bytes that a request has stored, to be named by rows.
+#[derive(Clone, Debug)]
+pub struct Addition<'a> {
+    /// Whose upload it is.
+    pub tenant: &'a str,
+    /// The upload.
+    pub id: &'a str,
+    /// The request.
+    pub session: &'a str,
+    /// How much of the upload was stored before, bytes,
+    pub from: u64,
+    /// and is now.
+    pub to: u64,
+    /// The state of its digest there.
+    pub sha256_state: &'a str,
+    /// Number of the first part; a part of that number is replaced, if there is one.
+    pub number: usize,
+    /// The parts, in order.
+    pub parts: &'a [Part],
+    /// How long it is kept if nothing more comes.
+    pub expiry: Duration,
+}
+
+/// What came of naming them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Added {
+    /// They are part of the upload; all of it is there when this is true.
+    Named(bool),
+    /// Another request has gone on from there, or the upload is gone.
+    Lost,
+    /// The tenant has no room for them.
+    NoRoom(Exceeded),
+}
+
+pub(super) fn ms(duration: Duration) -> i64 {
+    i64::try_from(duration.as_millis()).unwrap_or(i64::MAX / 2).min(i64::MAX / 2)
+}
+
+/// Changes rows and answers the first that it RETURNs.
+pub(super) async fn changed(records: &Records, statement: Statement) -> Result<Option<Row>, Error> {
+    let mut transaction = records.begin().await?;
+    let rows = transaction.read(statement).await?;
+    transaction.commit().await?;
+    Ok(rows.into_iter().next())
+}
+
+/// Begins an upload of `tenant`; what it announces counts as kept from now on.
+///
+/// # Errors
+/// The database did not answer. Within: it has no room for it.
+pub async fn insert(
+    records: &Records,
+    tenant: &str,
+    quota: Quota,
+    new: &New,
+    expiry: Duration,
+) -> Result<Result<Upload, NoRoom>, Error> {
+    let mut transaction = records.begin().await?;
+    let insert = "INSERT INTO uploads (tenant, id, state, name, metadata, declared, announced, byte_count, offset_bytes, \
+                  sha256_state, fence, attempt, created_ms, expires_ms) \
+                  VALUES ($1, $2, 'receiving', $3, $4, $5, $6, $7, 0, $8, 0, 0, {now}, {now} + $9) RETURNING *";
+    let json = |text: serde_json::Result<String>| text.map_err(unreadable);
+    let insert = sql(insert).bind(tenant).bind(new.id.as_str()).bind(new.name.as_str()).bind(new.metadata.as_str());
+    let insert = insert.bind(json(serde_json::to_string(&new.declared))?);
+    let insert = insert.bind(json(serde_json::to_string(&new.announced))?);
+    let insert = insert.bind(new.byte_count.map(u64::cast_signed)).bind(new.sha256_state.as_str()).bind(ms(expiry));
+    let rows = transaction.read(insert).await?;
+    if let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await? {
+        return Ok(Err(NoRoom::Quota(exceeded)));
+    }
+    if unfinished(&mut transaction, tenant).await? > MAX_UNFINISHED {
+        return Ok(Err(NoRoom::TooMany));
+    }
+    transaction.commit().await?;
+    let row = rows.first().ok_or_else(|| Error::Records("an upload was inserted and not told".into()))?;
+    Ok(Ok(upload(row)?))
+}
+
+async fn unfinished(transaction: &mut Transaction, tenant: &str) -> Result<u64, Error> {
+    let select = "SELECT COUNT(*) AS unfinished FROM uploads WHERE tenant = $1 AND state IN ('receiving', 'finishing')";
+    let rows = transaction.read(sql(select).bind(tenant)).await?;
+    rows.first().map_or(Ok(0), |row| row.count("unfinished"))
+}
+
+/// The upload `id` of `tenant`, if there is one.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn get(records: &Records, tenant: &str, id: &str) -> Result<Option<Upload>, Error> {
+    let select = sql("SELECT * FROM uploads WHERE tenant = $1 AND id = $2").bind(tenant).bind(id);
+    records.read_one(select).await?.as_ref().map(upload).transpose()
+}
+
+/// At most `limit` uploads of `tenant`, begun before the one called `before`, newest first.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn list(records: &Records, tenant: &str, before: Option<&str>, limit: i64) -> Result<Vec<Upload>, Error> {
+    let select = "SELECT * FROM uploads WHERE tenant = $1 AND ($2 IS NULL OR id < $2) ORDER BY id DESC LIMIT $3";
+    records.read(sql(select).bind(tenant).bind(before).bind(limit)).await?.iter().map(upload).collect()
+}
+
+/// What is stored of an upload, in order.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn parts(records: &Records, id: &str) -> Result<Vec<Part>, Error> {
+    let select = sql("SELECT byte_count, blob FROM upload_parts WHERE upload_id = $1 ORDER BY number").bind(id);
+    let rows = records.read(select).await?;
+    rows.iter().map(|row| Ok(Part { byte_count: row.count("byte_count")?, blob: row.text("blob")? })).collect()
+}
+
+/// Lets the request `session` go on from `offset`, and no other any more; `None` when it is not there.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn begin(
+    records: &Records,
+    tenant: &str,
+    id: &str,
+    offset: u64,
+    session: &str,
+    expiry: Duration,
+) -> Result<Option<Upload>, Error> {
+    let begin = "UPDATE uploads SET session = $1, expires_ms = {now} + $2 \
+                 WHERE tenant = $3 AND id = $4 AND state = 'receiving' AND offset_bytes = $5 RETURNING *";
+    let begin = sql(begin).bind(session).bind(ms(expiry)).bind(tenant).bind(id).bind(offset.cast_signed());
+    changed(records, begin).await?.as_ref().map(upload).transpose()
+}
+
+/// Says how long the whole is, where that was left open and is not less than what is there; false otherwise.
+///
+/// # Errors
+/// The database did not answer. Within: the tenant has no room for it.
+pub async fn announce(
+    records: &Records,
+    tenant: &str,
+    quota: Quota,
+    id: &str,
+    byte_count: u64,
+) -> Result<Result<bool, Exceeded>, Error> {
+    let mut transaction = records.begin().await?;
+    let announce = "UPDATE uploads SET byte_count = $1, \
+                    state = CASE WHEN offset_bytes = $1 THEN 'finishing' ELSE state END \
+                    WHERE tenant = $2 AND id = $3 AND state = 'receiving' AND byte_count IS NULL AND offset_bytes <= $1";
+    let said = transaction.write(sql(announce).bind(byte_count.cast_signed()).bind(tenant).bind(id)).await?;
+    if let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await? {
+        return Ok(Err(exceeded));
+    }
+    transaction.commit().await?;
+    Ok(Ok(said > 0))
+}
+
+/// Makes stored bytes part of an upload: its offset moves and their parts get rows, or neither.
+///
+/// # Errors
+/// The database did not answer: it may or may not be so.
+pub async fn add(records: &Records, quota: Quota, addition: &Addition<'_>) -> Result<Added, Error> {
+    let mut transaction = records.begin().await?;
+    let advance = "UPDATE uploads SET offset_bytes = $1, sha256_state = $2, expires_ms = {now} + $3, \
+                   state = CASE WHEN byte_count = $1 THEN 'finishing' ELSE state END \
+                   WHERE id = $4 AND session = $5 AND state = 'receiving' AND offset_bytes = $6 \
+                   RETURNING state, byte_count";
+    let advance = sql(advance).bind(addition.to.cast_signed()).bind(addition.sha256_state).bind(ms(addition.expiry));
+    let advance = advance.bind(addition.id).bind(addition.session).bind(addition.from.cast_signed());
+    let rows = transaction.read(advance).await?;
+    let Some(row) = rows.first() else { return Ok(Added::Lost) };
+    // What was announced has had its room since then.
+    if row.optional_number("byte_count")?.is_none()
+        && let Err(exceeded) = quota.admit_bytes(&mut transaction, addition.tenant).await?
+    {
+        return Ok(Added::NoRoom(exceeded));
+    }
+    let replaced = sql("DELETE FROM upload_parts WHERE upload_id = $1 AND number = $2");
+    transaction.write(replaced.bind(addition.id).bind(addition.number as i64)).await?;
+    for (number, part) in (addition.number..).zip(addition.parts) {
+        let insert = sql("INSERT INTO upload_parts (upload_id, number, byte_count, blob) VALUES ($1, $2, $3, $4)");
+        let insert = insert.bind(addition.id).bind(number as i64);
+        transaction.write(insert.bind(part.byte_count.cast_signed()).bind(part.blob.as_str())).await?;
+    }
+    transaction.commit().await?;
+    Ok(Added::Named(row.text("state")? == State::Finishing.name()))
+}

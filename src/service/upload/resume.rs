@@ -1,0 +1,382 @@
+//! Uploads that can be resumed, by any process: what came is stored part by part, and one transaction per part moves the
+//! offset, which never goes back. The last request that began at the offset is the one that goes on; what another had not yet
+//! stored by then is not kept. When all is there, `finish.rs` makes ray sets of it.
+
+use super::super::access::quota::Exceeded;
+use super::super::api::problem::Problem;
+use super::super::crash;
+use super::super::pace::Pace;
+use super::super::storage::parts::Part;
+use super::super::storage::uploads::{self, Added, Addition, New, NoRoom, State, Upload};
+use super::super::storage::{self, endings, new_id};
+use super::checksum::Checksum;
+use super::extent::Extent;
+use super::finish::AtHand;
+use super::spool::Spool;
+use super::{Announcement, Error as FileError, Intake};
+use bytes::Bytes;
+use futures::Stream;
+use std::fmt::Display;
+use std::pin::pin;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio_util::sync::CancellationToken;
+
+/// A last part that is shorter than this is stored again with what follows, so that small requests do not leave small parts.
+const SHORT_BYTES: u64 = 1 << 20;
+
+/// Why nothing, or not all, of a request is kept.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// There is no such upload.
+    #[error("there is no upload {0}")]
+    Missing(String),
+    /// The request goes on from elsewhere than the upload does.
+    #[error("{at} bytes are there")]
+    Offset {
+        /// Where the upload goes on, bytes.
+        at: u64,
+    },
+    /// All bytes are there.
+    #[error("all bytes are there")]
+    Complete,
+    /// The upload was refused; this was said.
+    #[error("{}", .0.detail)]
+    Refused(Box<Problem>),
+    /// More bytes than announced.
+    #[error("more than the {0} bytes announced")]
+    Beyond(u64),
+    /// A length is announced where one was before, or less than is there.
+    #[error("the length is known, or less than what is there")]
+    Length,
+    /// Not the bytes that the sender meant.
+    #[error("the checksum does not match")]
+    Checksum,
+    /// The tenant has too many unfinished uploads.
+    #[error("{0} uploads are unfinished")]
+    TooMany(u64),
+    /// The service stops.
+    #[error("the service is stopping")]
+    Stopping,
+    /// What can happen to any file.
+    #[error(transparent)]
+    File(#[from] FileError),
+}
+
+impl From<storage::Error> for Error {
+    fn from(error: storage::Error) -> Error {
+        Error::File(error.into())
+    }
+}
+
+impl From<Exceeded> for Error {
+    fn from(exceeded: Exceeded) -> Error {
+        Error::File(exceeded.into())
+    }
+}
+
+/// Bytes that are to be added to an upload.
+#[derive(Clone, Debug, Default)]
+pub struct Piece {
+    /// Where the sender means to go on, bytes.
+    pub offset: u64,
+    /// Its length, bytes, where known.
+    pub byte_count: Option<u64>,
+    /// Length of the whole, where it is said only now, bytes.
+    pub whole: Option<u64>,
+    /// What the sender says of it. All of it is kept or nothing, then.
+    pub checksum: Option<Checksum>,
+}
+
+/// Takes uploads that can be resumed. Cheap to clone.
+#[derive(Clone)]
+pub struct Uploads {
+    /// What is done with any file.
+    pub intake: Intake,
+    /// How long an upload is kept to which nothing is added, and one that has ended.
+    pub expiry: Duration,
+    /// How long a process that finishes an upload may be silent before another does.
+    pub lease: Duration,
+    /// How often an upload may be begun to be finished before it counts as what kills its process.
+    pub max_attempts: u32,
+    /// Those that this process finishes now.
+    pub at_hand: Arc<AtHand>,
+    /// Requests end where they are.
+    pub stopping: CancellationToken,
+}
+
+impl Uploads {
+    /// Begins an upload of `tenant`.
+    ///
+    /// # Errors
+    /// [`Error::TooMany`], [`Error::File`].
+    pub async fn create(&self, tenant: &str, metadata: String, whole: Announcement) -> Result<Upload, Error> {
+        if whole.byte_count.is_some_and(|bytes| bytes > self.intake.max_bytes) {
+            return Err(FileError::TooLarge(self.intake.max_bytes).into());
+        }
+        if whole.byte_count == Some(0) {
+            return Err(FileError::Empty.into());
+        }
+        if !self.intake.space.has_room_for(whole.byte_count.unwrap_or(0)) {
+            return Err(FileError::LowSpace.into());
+        }
+        let Announcement { name, byte_count, sha256: announced, declared, .. } = whole;
+        let sha256_state = Extent::default().state();
+        let new = New { id: new_id(), name, metadata, declared, announced, byte_count, sha256_state };
+        let Intake { storage, quota, .. } = &self.intake;
+        match uploads::insert(&storage.records, tenant, *quota, &new, self.expiry).await? {
+            Ok(upload) => Ok(upload),
+            Err(NoRoom::Quota(exceeded)) => Err(exceeded.into()),
+            Err(NoRoom::TooMany) => Err(Error::TooMany(uploads::MAX_UNFINISHED)),
+        }
+    }
+
+    /// Adds to an upload of `tenant` what comes; the upload as it is then, waiting a while for its end when all is there. What
+    /// came of a body that breaks off is kept, unless a checksum was to say what it is.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn append<E: Display>(
+        &self,
+        tenant: &str,
+        id: &str,
+        mut piece: Piece,
+        body: impl Stream<Item = Result<Bytes, E>>,
+    ) -> Result<Upload, Error> {
+        let records = &self.intake.storage.records;
+        if let Some(whole) = piece.whole {
+            self.announce(tenant, id, whole).await?;
+        }
+        let session = new_id();
+        let begun = uploads::begin(records, tenant, id, piece.offset, &session, self.expiry).await?;
+        match begun {
+            None if piece.whole.is_some() && piece.byte_count == Some(0) => {}
+            None => return Err(self.why_not(tenant, id).await?),
+            Some(upload) => {
+                let checked = piece.checksum.is_some();
+                let mut writing = self.writing(tenant, &upload, &session).await?;
+                let came = writing.receive(&mut piece, body).await;
+                writing.end(came, checked).await?;
+            }
+        }
+        let upload = uploads::get(records, tenant, id).await?;
+        let upload = upload.ok_or_else(|| Error::Missing(id.to_owned()))?;
+        match upload.state {
+            State::Receiving => Ok(upload),
+            _ => self.ended(tenant, id).await,
+        }
+    }
+
+    /// Deletes an upload of `tenant`; ray sets that it has become stay.
+    ///
+    /// # Errors
+    /// [`Error::Missing`], [`Error::File`].
+    pub async fn delete(&self, tenant: &str, id: &str) -> Result<(), Error> {
+        let was = endings::delete(&self.intake.storage.records, tenant, id).await?;
+        self.forget(id, was.ok_or_else(|| Error::Missing(id.to_owned()))?).await;
+        Ok(())
+    }
+
+    /// Deletes the blobs of an upload whose row is gone. Of one that was taken, they are a ray set's.
+    pub(super) async fn forget(&self, id: &str, was: State) {
+        if was != State::Taken {
+            self.intake.forget(id).await;
+        }
+    }
+
+    /// Says how long an upload is for which this was left open.
+    async fn announce(&self, tenant: &str, id: &str, whole: u64) -> Result<(), Error> {
+        let Intake { storage, quota, max_bytes, .. } = &self.intake;
+        if whole > *max_bytes {
+            return Err(FileError::TooLarge(*max_bytes).into());
+        }
+        if whole == 0 {
+            return Err(FileError::Empty.into());
+        }
+        if uploads::announce(&storage.records, tenant, *quota, id, whole).await?? {
+            return Ok(());
+        }
+        match uploads::get(&storage.records, tenant, id).await? {
+            // Said again by one who lost the answer.
+            Some(upload) if upload.byte_count == Some(whole) => Ok(()),
+            Some(_) => Err(Error::Length),
+            None => Err(Error::Missing(id.to_owned())),
+        }
+    }
+
+    /// Why nothing can be added at an offset.
+    async fn why_not(&self, tenant: &str, id: &str) -> Result<Error, Error> {
+        let upload = uploads::get(&self.intake.storage.records, tenant, id).await?;
+        let upload = upload.ok_or_else(|| Error::Missing(id.to_owned()))?;
+        Ok(match upload.state {
+            State::Receiving => Error::Offset { at: upload.offset },
+            State::Finishing | State::Taken => Error::Complete,
+            State::Refused => Error::Refused(Box::new(refusal(&upload))),
+        })
+    }
+
+    /// What a request needs that goes on with `upload`.
+    async fn writing<'a>(
+        &'a self,
+        tenant: &'a str,
+        upload: &'a Upload,
+        session: &'a str,
+    ) -> Result<Writing<'a>, Error> {
+        let Intake { storage, .. } = &self.intake;
+        let came = Extent::resumed(upload.offset, &upload.sha256_state);
+        let came = came.ok_or_else(|| storage::Error::Records("the state of a digest cannot be read".into()))?;
+        let parts = uploads::parts(&storage.records, &upload.id).await?;
+        let continued = parts.last().filter(|part| part.byte_count < SHORT_BYTES).cloned();
+        let bytes = match &continued {
+            Some(part) => storage.blobs.read(&part.blob, 0..part.byte_count).await?,
+            None => Bytes::new(),
+        };
+        let number = parts.len() - usize::from(continued.is_some());
+        let spool = Spool::new(&self.intake, &upload.id, upload.byte_count);
+        let spool = spool.resumed(session, came, number, &bytes);
+        Ok(Writing { uploads: self, tenant, upload, session, spool, number, named: upload.offset, continued })
+    }
+}
+
+/// What was said when an upload was refused.
+pub fn refusal(upload: &Upload) -> Problem {
+    let said = upload.result.as_deref().and_then(|result| serde_json::from_str(result).ok());
+    said.unwrap_or_else(Problem::internal)
+}
+
+/// One request that adds to an upload.
+struct Writing<'a> {
+    uploads: &'a Uploads,
+    tenant: &'a str,
+    upload: &'a Upload,
+    session: &'a str,
+    spool: Spool<'a>,
+    /// Number of the next part that gets a row.
+    number: usize,
+    /// How much of the upload rows name, bytes.
+    named: u64,
+    /// The short part that the next one replaces.
+    continued: Option<Part>,
+}
+
+impl Writing<'_> {
+    /// Stores what comes; without a checksum it is named as it comes.
+    async fn receive<E: Display>(
+        &mut self,
+        piece: &mut Piece,
+        body: impl Stream<Item = Result<Bytes, E>>,
+    ) -> Result<(), Error> {
+        let whole = self.upload.byte_count.unwrap_or(u64::MAX);
+        if piece.byte_count.is_some_and(|bytes| bytes > whole - self.upload.offset) {
+            return Err(Error::Beyond(whole));
+        }
+        let (mut body, mut pace) = (pin!(body), Pace::new(self.uploads.intake.slowest));
+        loop {
+            let next = tokio::select! {
+                next = pace.next(&mut body) => next.map_err(FileError::from)?,
+                () = self.uploads.stopping.cancelled() => return Err(Error::Stopping),
+            };
+            let Some(chunk) = next else { break };
+            let chunk = chunk.map_err(|error| FileError::Truncated(error.to_string()))?;
+            if self.spool.byte_count() + chunk.len() as u64 > whole {
+                return Err(Error::Beyond(whole));
+            }
+            self.spool.push(&chunk).await?;
+            match &mut piece.checksum {
+                Some(checksum) => checksum.update(&chunk),
+                None => self.name_stored().await?,
+            }
+        }
+        let came = self.spool.byte_count() - self.upload.offset;
+        if piece.byte_count.is_some_and(|announced| announced != came) {
+            return Err(FileError::Truncated(format!("{came} bytes came")).into());
+        }
+        match piece.checksum.take().is_none_or(Checksum::holds) {
+            true => Ok(()),
+            false => Err(Error::Checksum),
+        }
+    }
+
+    /// Keeps what may be kept, and nothing else.
+    async fn end(mut self, came: Result<(), Error>, checked: bool) -> Result<(), Error> {
+        use FileError::{Slow, Truncated};
+        let broke_off = matches!(came, Err(Error::Stopping | Error::File(Truncated(_) | Slow(_))));
+        let kept = match came.is_ok() || (broke_off && !checked) {
+            true => self.keep_rest().await,
+            false => Ok(()),
+        };
+        let ended = came.and(kept);
+        if ended.is_err() {
+            self.discard().await;
+        }
+        match ended {
+            // With a checksum they may not be the bytes that were meant: then they are only not kept.
+            Err(Error::File(unfit @ FileError::Unfit(_))) if !checked => Err(self.refuse(unfit).await?),
+            other => other,
+        }
+    }
+
+    async fn keep_rest(&mut self) -> Result<(), Error> {
+        self.spool.store_rest().await?;
+        self.name_stored().await
+    }
+
+    /// Gives rows to what is stored, and moves the offset.
+    async fn name_stored(&mut self) -> Result<(), Error> {
+        if !self.spool.has_stored() {
+            return Ok(());
+        }
+        let (parts, stored) = self.spool.stored();
+        let Intake { storage, quota, .. } = &self.uploads.intake;
+        let addition = Addition {
+            tenant: self.tenant,
+            id: &self.upload.id,
+            session: self.session,
+            from: self.named,
+            to: stored.byte_count,
+            sha256_state: &stored.state(),
+            number: self.number,
+            parts: &parts,
+            expiry: self.uploads.expiry,
+        };
+        // Should this fail, rows may or may not name them: only the sweep of garbage can tell.
+        let added = uploads::add(&storage.records, *quota, &addition).await?;
+        if let Added::Named(_) = added {
+            crash::point("append.committed");
+            (self.number, self.named) = (self.number + parts.len(), stored.byte_count);
+            let replaced = self.continued.take();
+            self.delete(replaced.as_slice()).await;
+            return Ok(());
+        }
+        self.delete(&parts).await;
+        match added {
+            Added::NoRoom(exceeded) => Err(exceeded.into()),
+            _ => Err(self.uploads.why_not(self.tenant, &self.upload.id).await?),
+        }
+    }
+
+    /// Deletes what is stored and has no row.
+    async fn discard(&mut self) {
+        let (parts, _) = self.spool.stored();
+        self.delete(&parts).await;
+    }
+
+    async fn delete(&self, parts: &[Part]) {
+        for part in parts {
+            if let Err(error) = self.uploads.intake.storage.blobs.delete(&part.blob).await {
+                tracing::warn!(blob = part.blob, %error, "a blob of an upload stays until it is swept");
+            }
+        }
+    }
+
+    /// Ends an upload whose beginning is wrong.
+    async fn refuse(&self, error: FileError) -> Result<Error, Error> {
+        let (Uploads { intake, expiry, .. }, id) = (self.uploads, &self.upload.id);
+        let problem = Problem::from(error);
+        let said = serde_json::to_string(&problem).unwrap_or_default();
+        if endings::refuse_early(&intake.storage.records, id, self.session, &said, *expiry).await? {
+            self.uploads.forget(id, State::Refused).await;
+        }
+        Ok(Error::Refused(Box::new(problem)))
+    }
+}

@@ -1,0 +1,84 @@
+//! A tus client that insists: it sends a file in pieces, to whichever node answers, and goes on where the upload is.
+
+use crate::http::ask;
+use crate::ledger::told_to_come_back;
+
+const VERSION: (&str, &str) = ("Tus-Resumable", "1.0.0");
+
+/// One upload, as its client sees it.
+pub struct Resumed {
+    bytes: Vec<u8>,
+    /// Bytes in a piece.
+    size: usize,
+    /// Where it is, once it has begun.
+    at: Option<String>,
+    /// What was answered to be there: never less may be.
+    acknowledged: usize,
+    /// Where it goes on; unknown after an answer that did not come.
+    next: Option<usize>,
+}
+
+impl Resumed {
+    pub fn new(bytes: Vec<u8>, size: usize) -> Resumed {
+        Resumed { bytes, size, at: None, acknowledged: 0, next: Some(0) }
+    }
+
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// One request; the ray set, when the upload has become one.
+    pub fn step(&mut self, address: &str) -> Option<String> {
+        let Some(at) = self.at.clone() else {
+            self.begin(address);
+            return None;
+        };
+        match self.next {
+            None => self.look(address, &at),
+            Some(next) if next < self.bytes.len() => self.send(address, &at, next),
+            Some(_) => return became(address, &at),
+        }
+        None
+    }
+
+    fn begin(&mut self, address: &str) {
+        let length = self.bytes.len().to_string();
+        let Ok(answer) = ask(address, "POST", "/v1/uploads", &[VERSION, ("Upload-Length", &length)], b"") else {
+            return;
+        };
+        assert!(answer.status == 201 || told_to_come_back(&answer), "{answer:?}");
+        self.at = answer.header("location").map(str::to_owned);
+    }
+
+    fn look(&mut self, address: &str, at: &str) {
+        let Some(answer) = ask(address, "HEAD", at, &[VERSION], b"").ok().filter(|answer| answer.status != 503) else {
+            return;
+        };
+        assert_eq!(answer.status, 200, "{answer:?}");
+        let offset = answer.header("upload-offset").unwrap().parse().unwrap();
+        assert!(offset >= self.acknowledged, "{} bytes were there, and now {offset}", self.acknowledged);
+        (self.acknowledged, self.next) = (offset, Some(offset));
+    }
+
+    fn send(&mut self, address: &str, at: &str, next: usize) {
+        let end = self.bytes.len().min(next + self.size);
+        let offset = next.to_string();
+        let kind = ("Content-Type", "application/offset+octet-stream");
+        let headers = [VERSION, kind, ("Upload-Offset", offset.as_str())];
+        self.next = None;
+        let Ok(answer) = ask(address, "PATCH", at, &headers, &self.bytes[next..end]) else { return };
+        if answer.status == 204 {
+            assert_eq!(answer.header("upload-offset"), Some(&*end.to_string()), "{answer:?}");
+            (self.acknowledged, self.next) = (end, Some(end));
+        } else {
+            // An earlier request of ours may have come further than we heard.
+            assert!(answer.status == 409 || told_to_come_back(&answer), "{answer:?}");
+        }
+    }
+}
+
+fn became(address: &str, at: &str) -> Option<String> {
+    let upload = ask(address, "GET", at, &[], b"").ok().filter(|answer| answer.status != 503)?.json();
+    assert!(upload["state"] != "refused" && upload["state"] != "receiving", "{upload}");
+    upload["ray_sets"][0].as_str().map(str::to_owned)
+}
