@@ -19,9 +19,11 @@ pub fn complete(contract: &mut OpenApi) {
         }
         can_fail(operation, "500", "a fault of the service");
     }
-    for schema in contract.components.iter_mut().flat_map(|components| components.schemas.values_mut()) {
-        if let RefOr::T(Schema::OneOf(choice)) = schema {
-            choice.items.iter_mut().for_each(one_key);
+    for (name, schema) in contract.components.iter_mut().flat_map(|components| components.schemas.iter_mut()) {
+        match schema {
+            RefOr::T(Schema::OneOf(choice)) => choice.items.iter_mut().for_each(|kind| one_key(name, kind)),
+            RefOr::T(Schema::Object(object)) => object.properties.values_mut().for_each(without_empty_default),
+            _ => {}
         }
     }
     // The router's wildcard is no placeholder in OpenAPI.
@@ -63,12 +65,29 @@ fn is_null(schema: &RefOr<Schema>) -> bool {
     matches!(schema, RefOr::T(Schema::Object(object)) if object.schema_type == SchemaType::Type(Type::Null))
 }
 
-/// A choice between kinds of things is written as an object whose only key names the kind.
-fn one_key(choice: &mut RefOr<Schema>) {
-    if let RefOr::T(Schema::Object(object)) = choice
-        && object.required.len() == 1
-        && object.properties.len() == 1
+/// That nothing is the default goes without saying; said, generated types ask for what may be left out.
+fn without_empty_default(property: &mut RefOr<Schema>) {
+    let default = match property {
+        RefOr::Ref(reference) => &mut reference.default,
+        RefOr::T(Schema::Object(object)) => &mut object.default,
+        RefOr::T(Schema::OneOf(choice)) => &mut choice.default,
+        RefOr::T(Schema::Array(list)) => &mut list.default,
+        RefOr::T(_) => return,
+    };
+    default.take_if(|value| value.is_null() || value.is_object());
+}
+
+/// A kind of a choice is written as an object whose only key names it; generated clients call it by the names of both.
+fn one_key(choice: &str, kind: &mut RefOr<Schema>) {
+    if let RefOr::T(Schema::Object(object)) = kind
+        && let ([key], 1) = (object.required.as_slice(), object.properties.len())
     {
+        object.title = Some(key.split('_').fold(choice.to_owned(), |name, word| name + &capital(word)));
         object.additional_properties = Some(Box::new(AdditionalProperties::FreeForm(false)));
     }
+}
+
+fn capital(word: &str) -> String {
+    let mut letters = word.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
