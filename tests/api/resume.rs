@@ -250,6 +250,13 @@ async fn the_first_bytes_may_come_along_and_the_length_later() {
     let begun = site.ask(Method::POST, "/v1/uploads", &whole, file.clone()).await;
     assert_eq!((begun.status, begun.header("upload-offset")), (StatusCode::CREATED, &*length));
     assert_eq!(site.get(begun.header("location")).await.json()["state"], "taken");
+    // Part of it is not the whole: only what is said of the whole is held against it.
+    let part = format!("sha-256=:{}:", BASE64.encode(Sha256::digest(&file[..99])));
+    let first = [&whole[..], &[("content-digest", &part)]].concat();
+    let begun = site.ask(Method::POST, "/v1/uploads", &first, file[..99].to_vec()).await;
+    append(&site, begun.header("location"), 99, file[99..].to_vec(), &[]).await;
+    assert_eq!(site.get(begun.header("location")).await.json()["state"], "taken");
+    site.delete(begun.header("location")).await;
     // What fails was never begun: its sender could not know of it.
     let wrong = [("upload-checksum", "sha1 qZk+NkcGgWq6PiVxeFDCbJzQ2J0=")];
     let refused = site.ask(Method::POST, "/v1/uploads", &[&whole[..], &wrong].concat(), file.clone()).await;

@@ -1,6 +1,7 @@
 """Sends a ray file with tuspy to a server that dies again and again, and compares what is kept with hashlib's digest."""
 
 import argparse
+import atexit
 import hashlib
 import os
 import pathlib
@@ -59,7 +60,7 @@ def ray_file(path, mib):
 
 
 class Node:
-    """A server on an address of its own, which it keeps when it is started again."""
+    """A server on an address of its own, which it keeps when it is started again; killed at the end, whatever that is."""
 
     def __init__(self, folder):
         self.folder = folder
@@ -67,6 +68,7 @@ class Node:
             probe.bind(("127.0.0.1", 0))
             self.address = f"127.0.0.1:{probe.getsockname()[1]}"
         self.start()
+        atexit.register(self.kill)
 
     def start(self):
         # Kills are this test's doing, not the upload's; a lease of a second, so that nobody waits for the dead.
@@ -207,7 +209,8 @@ def killed(folder, file, expected, kills, chance):
     if sending.failure or sending.is_alive():
         sys.exit(f"tuspy did not come to its end: {sending.failure!r}")
     judge(node, sending.path, expected, byte_count)
-    print(f"{byte_count} bytes through {kills} kills in {time.monotonic() - start:.1f} s, SHA-256 equal; killed at MiB {offsets}")
+    took = time.monotonic() - start
+    print(f"{byte_count} bytes through {kills} kills in {took:.1f} s, SHA-256 equal; killed at MiB {offsets}")
     node.kill()
 
 
@@ -234,7 +237,6 @@ def moved(work, file, expected, chance):
         sys.exit(f"tuspy did not come to its end: {rest.failure!r}")
     judge(second, sending.path, expected, byte_count)
     print(f"{byte_count} bytes begun on node A, killed at {kept}, finished on node B, SHA-256 equal")
-    second.kill()
 
 
 def main():
@@ -249,17 +251,16 @@ def main():
     for name in [name for name in os.environ if re.match("LAMPWRIGHT_|(DATABASE|STORAGE)_URL$|ROLE$", name)]:
         del os.environ[name]
     work = pathlib.Path(tempfile.mkdtemp(prefix="tus-"))
-    try:
-        file = work / "sent.dat"
-        expected = ray_file(file, chosen.mib)
-        (work / "data").mkdir()
-        killed(work / "data", file, expected, chosen.kills, chance)
-        if "TEST_DATABASE_URL" in os.environ:
-            moved(work, file, expected, chance)
-        else:
-            print("From node to node: only with tests/engines/with.")
-    finally:
-        shutil.rmtree(work)
+    # What is registered last is done first: the servers die before their folder goes.
+    atexit.register(shutil.rmtree, work)
+    file = work / "sent.dat"
+    expected = ray_file(file, chosen.mib)
+    (work / "data").mkdir()
+    killed(work / "data", file, expected, chosen.kills, chance)
+    if "TEST_DATABASE_URL" in os.environ:
+        moved(work, file, expected, chance)
+    else:
+        print("From node to node: only with tests/engines/with.")
 
 
 main()

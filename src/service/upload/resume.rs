@@ -233,13 +233,15 @@ impl Uploads {
         let Intake { storage, .. } = &self.intake;
         let came = Extent::resumed(upload.offset, &upload.sha256_state);
         let came = came.ok_or_else(|| storage::Error::Records("the state of a digest cannot be read".into()))?;
-        let parts = uploads::parts(&storage.records, &upload.id).await?;
-        let continued = parts.last().filter(|part| part.byte_count < SHORT_BYTES).cloned();
+        let (number, continued) = match uploads::last_part(&storage.records, &upload.id).await? {
+            Some((number, part)) if part.byte_count < SHORT_BYTES => (number, Some(part)),
+            Some((number, _)) => (number + 1, None),
+            None => (0, None),
+        };
         let bytes = match &continued {
             Some(part) => storage.blobs.read(&part.blob, 0..part.byte_count).await?,
             None => Bytes::new(),
         };
-        let number = parts.len() - usize::from(continued.is_some());
         let spool = Spool::new(&self.intake, &upload.id, upload.byte_count);
         let spool = spool.resumed(session, came, number, &bytes);
         Ok(Writing { uploads: self, tenant, upload, session, spool, number, named: upload.offset, continued })
