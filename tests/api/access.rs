@@ -183,7 +183,9 @@ async fn another_tenant_finds_nothing_on_any_route() {
     // What names no thing lists none of another's, or makes one's own, or counts the whole service.
     let known = ["metrics", "list_jobs", "list_ray_sets", "upload_ray_set", "list_spectra", "upload_spectrum"];
     assert_eq!(without_id, known, "say here what these do");
-    for list in ["/v1/jobs", "/v1/ray-sets", "/v1/spectra", "/v1/jobs?state=succeeded"] {
+    let digest = crate::runners::sha256(&crate::rays::zemax(10));
+    let mine = [format!("/v1/jobs?ray_set={}", things.ray_set), format!("/v1/ray-sets?sha256={digest}")];
+    for list in ["/v1/jobs", "/v1/ray-sets", "/v1/spectra", "/v1/jobs?state=succeeded", &mine[0], &mine[1]] {
         let reply = site.ask(Method::GET, list, &[("authorization", &stranger)], Body::empty()).await;
         let text = String::from_utf8(reply.body).unwrap();
         assert!(!text.contains(&things.job) && !text.contains(&things.ray_set), "{list}: {text}");
