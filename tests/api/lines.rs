@@ -4,6 +4,7 @@ use crate::runners::{Gate, held, prompt};
 use crate::site::{Site, stores};
 use axum::http::StatusCode;
 use lampwright::service::Config;
+use lampwright::service::access::Scope;
 use lampwright::service::access::tenants::{self, Tenant};
 use lampwright::service::jobs::Failure;
 use lampwright::service::jobs::memory::Memory;
@@ -144,6 +145,25 @@ async fn who_watches_sees_that_a_job_waits_for_memory() {
         assert!(start.elapsed() < Duration::from_secs(40), "it never ended");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_place_in_the_line_tells_nothing_of_other_tenants() {
+    let gate = Gate::new();
+    let mut site = Site::start_as(|config| Config { auth: true, ..config }, held(&gate)).await;
+    site.key = Some(site.key_of("lab", &Scope::OF_A_TENANT).await);
+    let ray_set = site.ray_set().await;
+    let jobs = [site.job(&ray_set).await, site.job(&ray_set).await, site.job(&ray_set).await];
+    site.until_state(&jobs[0], "running").await;
+    site.key = Some(site.key_of("shop", &Scope::OF_A_TENANT).await);
+    let ray_set = site.ray_set().await;
+    let place = async |job: &str| site.get(&format!("/v1/jobs/{job}")).await.json()["queue_position"].clone();
+    let (first, second) = (site.job(&ray_set).await, site.job(&ray_set).await);
+    assert_eq!((place(&first).await, place(&second).await), (json!(1), json!(2)));
+    let urgent = json!({ "channels": [{"ray_set": ray_set}], "reuse": false, "priority": "high" });
+    assert_eq!(site.post("/v1/jobs", &urgent).await.json()["queue_position"], 1);
+    assert_eq!((place(&first).await, place(&second).await), (json!(2), json!(3)));
+    gate.open();
 }
 
 /// Not a limit that a fast machine comes near; what is measured is printed.

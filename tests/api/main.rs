@@ -40,6 +40,8 @@ mod jobs;
 mod lines;
 /// Keys, reuse, estimates, filters.
 mod submission;
+/// Random changes of jobs beside a model of them.
+mod model;
 /// What processes and stores do to jobs.
 mod faults;
 /// Entity tags and ranges.
