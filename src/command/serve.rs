@@ -50,6 +50,13 @@ pub struct Arguments {
     /// Threads each job computes on [default: as many as the machine has].
     #[arg(long, env = "LAMPWRIGHT_THREADS", value_name = "N", value_parser = at_least_one)]
     threads: Option<usize>,
+    /// Memory that all jobs computed at once are expected to need at most; one that needs more is refused, one that does not
+    /// fit now waits [default: three quarters of what the machine or its control group has].
+    #[arg(long, env = "LAMPWRIGHT_MEMORY", value_name = "BYTES")]
+    memory: Option<u64>,
+    /// Seconds that an attempt at a job may take before it is stopped and the job fails [default: 21600].
+    #[arg(long, env = "LAMPWRIGHT_JOB_TIMEOUT", value_name = "SECONDS", value_parser = at_least_one)]
+    job_timeout: Option<usize>,
     /// Largest file taken, and most bytes that a packed one may unpack to [default: 64 GiB].
     #[arg(long, env = "LAMPWRIGHT_MAX_UPLOAD", value_name = "BYTES")]
     max_upload: Option<u64>,
@@ -137,6 +144,8 @@ impl Arguments {
             listen: self.listen,
             concurrency: self.jobs.unwrap_or(defaults.concurrency),
             threads: self.threads.unwrap_or(defaults.threads),
+            memory_bytes: self.memory.unwrap_or(defaults.memory_bytes),
+            job_timeout: seconds(self.job_timeout, defaults.job_timeout),
             max_upload_bytes,
             limits: Limits { max_expanded_bytes: max_upload_bytes, ..defaults.limits },
             grace: self.grace.map_or(defaults.grace, Duration::from_secs),

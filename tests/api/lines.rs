@@ -4,6 +4,7 @@ use crate::runners::{Gate, held, prompt};
 use crate::site::{Site, stores};
 use axum::http::StatusCode;
 use lampwright::service::Config;
+use lampwright::service::access::Scope;
 use lampwright::service::access::tenants::{self, Tenant};
 use lampwright::service::jobs::Failure;
 use lampwright::service::jobs::memory::Memory;
@@ -111,6 +112,58 @@ async fn a_job_that_does_not_fit_now_is_waited_for_and_one_that_never_fits_is_le
     // What was refused is as it was.
     let served = storage.records.read_one(sql("SELECT attempt FROM jobs WHERE id = 't-1-100001'")).await.unwrap();
     assert_eq!(served.unwrap().number("attempt").unwrap(), 1);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn who_watches_sees_that_a_job_waits_for_memory() {
+    let gate = Gate::new();
+    let two = |config: Config| Config { concurrency: 2, ..config };
+    let site = Site::start_as(two, held(&gate)).await;
+    let ray_set = site.ray_set().await;
+    let all = i64::try_from(site.config.memory_bytes).unwrap();
+    let number = async |name: &str| {
+        let text = String::from_utf8(site.get("/metrics").await.body).unwrap();
+        let line = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' ')).map(str::parse::<i64>);
+        line.unwrap_or_else(|| panic!("no {name} in {text}")).unwrap()
+    };
+    let running = site.job(&ray_set).await;
+    let job = site.until_state(&running, "running").await;
+    assert_eq!(number("lampwright_job_memory_bytes").await, job["memory_bytes"].as_i64().unwrap());
+    // It needs all there is: it fits alone.
+    let storage = Storage::open(&site.config.database_url(), &site.config.storage_url()).await.unwrap();
+    line(&storage, "default", 1, 1, all).await;
+    let start = Instant::now();
+    while number("lampwright_waits_for_memory").await == 0 {
+        assert!(start.elapsed() < Duration::from_secs(20), "nobody waits");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    gate.open();
+    site.until_state(&running, "succeeded").await;
+    // It has no channels; what counts is that it was begun.
+    site.until("default-1-100001", |job| job["attempt"] == 1).await;
+    while number("lampwright_waits_for_memory").await + number("lampwright_job_memory_bytes").await > 0 {
+        assert!(start.elapsed() < Duration::from_secs(40), "it never ended");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_place_in_the_line_tells_nothing_of_other_tenants() {
+    let gate = Gate::new();
+    let mut site = Site::start_as(|config| Config { auth: true, ..config }, held(&gate)).await;
+    site.key = Some(site.key_of("lab", &Scope::OF_A_TENANT).await);
+    let ray_set = site.ray_set().await;
+    let jobs = [site.job(&ray_set).await, site.job(&ray_set).await, site.job(&ray_set).await];
+    site.until_state(&jobs[0], "running").await;
+    site.key = Some(site.key_of("shop", &Scope::OF_A_TENANT).await);
+    let ray_set = site.ray_set().await;
+    let place = async |job: &str| site.get(&format!("/v1/jobs/{job}")).await.json()["queue_position"].clone();
+    let (first, second) = (site.job(&ray_set).await, site.job(&ray_set).await);
+    assert_eq!((place(&first).await, place(&second).await), (json!(1), json!(2)));
+    let urgent = json!({ "channels": [{"ray_set": ray_set}], "reuse": false, "priority": "high" });
+    assert_eq!(site.post("/v1/jobs", &urgent).await.json()["queue_position"], 1);
+    assert_eq!((place(&first).await, place(&second).await), (json!(2), json!(3)));
+    gate.open();
 }
 
 /// Not a limit that a fast machine comes near; what is measured is printed.

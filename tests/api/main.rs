@@ -52,6 +52,8 @@ mod submission;
 mod webhooks;
 /// Files that are fetched.
 mod ingest;
+/// Random changes of jobs beside a model of them.
+mod model;
 /// What processes and stores do to jobs.
 mod faults;
 /// Entity tags and ranges.

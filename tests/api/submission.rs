@@ -44,6 +44,16 @@ async fn a_request_under_a_key_makes_one_job_however_often_it_comes() {
     assert_eq!((again.status, again.id()), (StatusCode::ACCEPTED, first.id()));
     assert_eq!(again.header("location"), first.header("location"));
     assert_eq!(again.json()["state"], "succeeded", "as it is by now");
+    // A day later the key means nothing, whether or not somebody has swept it away.
+    let old = under(&site, "old", &body).await;
+    let age = sql("UPDATE idempotency_keys SET created_ms = created_ms - 86400000 WHERE key = 'old'");
+    site.write(age).await;
+    let anew = under(&site, "old", &body).await;
+    assert!(anew.status == StatusCode::ACCEPTED && anew.id() != old.id());
+    assert_eq!(under(&site, "old", &body).await.id(), anew.id());
+    for job in [old.id(), anew.id()] {
+        site.until_state(&job, "succeeded").await;
+    }
     // Whatever became of what it names.
     assert_eq!(site.delete(&format!("/v1/ray-sets/{ray_set}")).await.status, StatusCode::NO_CONTENT);
     assert_eq!(under(&site, "k 1", &body).await.id(), first.id());
@@ -57,7 +67,7 @@ async fn a_request_under_a_key_makes_one_job_however_often_it_comes() {
         refused.is_problem(400, "request.malformed_header");
         assert_eq!(refused.json()["at"], "Idempotency-Key");
     }
-    assert_eq!(job_count(&site).await, 1);
+    assert_eq!(job_count(&site).await, 3);
     assert_eq!(site.delete(&format!("/v1/jobs/{}", first.id())).await.status, StatusCode::NO_CONTENT);
     under(&site, "k 1", &body).await.is_problem(410, "idempotency.job_deleted");
 }

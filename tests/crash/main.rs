@@ -17,6 +17,7 @@ mod node;
 mod resume;
 
 use lampwright::service::crash;
+use lampwright::service::storage::records::sql;
 use ledger::{Ledger, ended, ray_file, ray_file_of};
 use node::{LEASE_S, Node, World, get, until};
 use rand_chacha::ChaCha8Rng;
@@ -122,6 +123,25 @@ fn a_death_at_any_point_of_an_upload_in_pieces_loses_no_byte() {
     ledger.audit(&world, &node);
 }
 
+#[test]
+fn a_request_under_a_key_makes_one_job_though_its_answer_was_lost() {
+    let _database = DATABASE.read().unwrap();
+    let (world, mut ledger) = (World::new(), Ledger::default());
+    let ray_set = ledger.upload(&world.node(&HARDY).address, &ray_file(1)).unwrap();
+    for point in ["submit.before_commit", "submit.committed"] {
+        let mut followed = Followed { world: &world, node: world.armed(&HARDY, Some(point)), deaths: 0 };
+        let job = followed.insist("a job", |address| ledger.submit_under(address, &ray_set, point));
+        assert_eq!(followed.deaths, 1, "{point}");
+        let again = followed.insist("the same answer", |address| ledger.submit_under(address, &ray_set, point));
+        assert_eq!(again, job, "{point}");
+    }
+    let storage = world.storage();
+    let rows = world.runtime.block_on(storage.records.read(sql("SELECT id FROM jobs"))).unwrap();
+    assert_eq!((rows.len(), ledger.jobs.len()), (2, 2), "a key made two jobs, or none");
+    world.runtime.block_on(storage.records.close());
+    ledger.audit(&world, &world.node(&TIDY));
+}
+
 /// What a lab's robot does until it is told to stop: sends a file, every other one in pieces, queues a job, and so on, to
 /// whichever node answers.
 fn robot(addresses: &Mutex<Vec<String>>, number: u64, stop: &AtomicBool) -> Ledger {
@@ -204,8 +224,7 @@ fn a_process_stopped_past_its_lease_publishes_nothing_twice() {
         until("its begin", || (state(&job) != "queued").then_some(()));
         zombie.signal("STOP");
         let storage = world.storage();
-        let select =
-            lampwright::service::storage::records::sql("SELECT state FROM jobs WHERE id = $1").bind(job.as_str());
+        let select = sql("SELECT state FROM jobs WHERE id = $1").bind(job.as_str());
         let row = world.runtime.block_on(storage.records.read_one(select)).unwrap().unwrap();
         if row.text("state").unwrap() == "running" {
             return Some(job);
@@ -329,5 +348,16 @@ fn a_store_without_room_says_so_and_keeps_what_it_has() {
     assert_eq!((refused.status, &refused.json()["code"]), (507, &"storage.full".into()), "{refused:?}");
     assert_eq!(ended(&node.address, &job)["state"], "succeeded");
     ledger.job(&node, &ray_file(3));
+    // Less is always possible: a job that waits or runs is cancelled, and what it gave, and its rays, are deleted.
+    let unwanted = ledger.upload(&node.address, &ray_file_of(200_000, 4)).unwrap();
+    let long = ledger.submit(&node.address, &unwanted).unwrap();
+    let asked = |method: &str, path: &str| http::ask(&node.address, method, path, &[], b"").unwrap().status;
+    assert_eq!(asked("POST", &format!("/v1/jobs/{long}/cancel")), 202);
+    assert_eq!(ended(&node.address, &long)["state"], "cancelled");
+    for path in [format!("/v1/jobs/{long}"), format!("/v1/ray-sets/{unwanted}"), format!("/v1/jobs/{job}")] {
+        assert_eq!(asked("DELETE", &path), 204, "{path}");
+    }
+    ledger.jobs.retain(|id| *id != long && *id != job);
+    ledger.ray_sets.remove(&unwanted);
     ledger.audit(&world, &node);
 }

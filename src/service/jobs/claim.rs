@@ -55,6 +55,7 @@ impl Queue {
         let _turn = self.memory.turn().await;
         for _ in 0..LOOKS {
             if self.storage.records.read_one(self.servable(LOOK)).await?.is_none() {
+                self.memory.nobody_waits();
                 return Ok(None);
             }
             match self.try_claim().await? {

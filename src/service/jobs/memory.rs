@@ -79,6 +79,11 @@ impl Memory {
         })
     }
 
+    /// No job waits for it.
+    pub fn nobody_waits(&self) {
+        self.metrics.waits_for_memory(false);
+    }
+
     /// What is held, bytes.
     pub fn used_bytes(&self) -> u64 {
         self.used_bytes.load(Ordering::Relaxed)

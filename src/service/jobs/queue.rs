@@ -266,7 +266,7 @@ impl Queue {
     }
 
     /// Puts a running job back for a later attempt: a store did not answer, the job is not at fault. Nobody takes it before
-    /// its [`Queue::back_off_ms`] is over. False when it had its last attempt, or the lease was lost.
+    /// its [`back_off_ms`] is over. False when it had its last attempt, or the lease was lost.
     ///
     /// # Errors
     /// The database did not answer.
@@ -277,18 +277,8 @@ impl Queue {
                      lease_owner = NULL, stage = NULL, stage_progress = 0 \
                      WHERE id = $2 AND fence = $3 AND state = 'running' \
                      AND (attempt < max_attempts OR cancel_requested = 1)";
-        let retry = sql(retry).bind(self.back_off_ms(claim)).bind(claim.id.as_str()).bind(claim.fence);
+        let retry = sql(retry).bind(back_off_ms(self.lease_ms, claim)).bind(claim.id.as_str()).bind(claim.fence);
         Ok(self.told(self.storage.records.write(retry).await?))
-    }
-
-    /// A third of a lease after the first attempt, twice as long after each next, and up to half as much again: what fell
-    /// together does not come back together. How much is the job's and the attempt's own, so that nothing random is needed.
-    fn back_off_ms(&self, claim: &Claim) -> i64 {
-        let doublings = u32::try_from(claim.attempt - 1).unwrap_or(0).min(MAX_DOUBLINGS);
-        let least_ms = (self.lease_ms / 3).saturating_mul(1 << doublings);
-        let digest = Sha256::digest(format!("{} {}", claim.id, claim.attempt));
-        let share = digest.iter().take(2).fold(0, |share, byte| share << 8 | i64::from(*byte));
-        least_ms.saturating_add(least_ms / 2 * share / (1 << 16))
     }
 
     /// Ends a running job that a client asked to cancel.
@@ -390,10 +380,42 @@ impl Queue {
     }
 }
 
+/// A third of a lease after the first attempt, twice as long after each next, and up to half as much again: what fell together
+/// does not come back together. How much is the job's and the attempt's own, so that nothing random is needed.
+fn back_off_ms(lease_ms: i64, claim: &Claim) -> i64 {
+    let doublings = u32::try_from(claim.attempt - 1).unwrap_or(0).min(MAX_DOUBLINGS);
+    let least_ms = (lease_ms / 3).saturating_mul(1 << doublings);
+    let digest = Sha256::digest(format!("{} {}", claim.id, claim.attempt));
+    let share = digest.iter().take(2).fold(0, |share, byte| share << 8 | i64::from(*byte));
+    least_ms.saturating_add(least_ms / 2 * share / (1 << 16))
+}
+
 /// A value as its row has it.
 ///
 /// # Errors
 /// Never in practice: keys are text.
 pub(super) fn json<T: serde::Serialize + ?Sized>(value: &T) -> Result<String, storage::Error> {
     serde_json::to_string(value).map_err(|error| storage::Error::Records(Box::new(error)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn jobs_that_fell_together_come_back_one_by_one() {
+        let wait =
+            |id: u32, attempt| back_off_ms(30_000, &Claim { id: format!("job {id}"), attempt, ..Claim::default() });
+        for (attempt, least) in [(1, 10_000), (2, 20_000), (3, 40_000), (100, 640_000)] {
+            let waits: Vec<i64> = (0..400).map(|id| wait(id, attempt)).collect();
+            assert!(waits.iter().all(|wait| (least..least + least / 2).contains(wait)), "{attempt}");
+            // Spread evenly over its half: in each tenth of it 40, give or take four of their deviations (6).
+            for tenth in 0..10 {
+                let from = least + least / 20 * tenth;
+                let within = waits.iter().filter(|wait| (from..from + least / 20).contains(wait)).count();
+                assert!((16..=64).contains(&within), "{within} in tenth {tenth} after attempt {attempt}");
+            }
+        }
+        assert_eq!(wait(1, 1), wait(1, 1));
+    }
 }
