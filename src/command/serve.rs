@@ -64,10 +64,6 @@ pub struct Arguments {
     /// `lampwright keys create`, or say `on` and make it later.
     #[arg(long, env = "LAMPWRIGHT_AUTH", value_enum, default_value_t)]
     auth: Auth,
-    #[command(flatten)]
-    bounds: Bounds,
-    #[command(flatten)]
-    elsewhere: Elsewhere,
     /// Seconds that running jobs and open connections get when the service stops [default: 10].
     #[arg(long, env = "LAMPWRIGHT_GRACE", value_name = "SECONDS")]
     grace: Option<u64>,
@@ -90,6 +86,11 @@ pub struct Arguments {
     /// How log lines look.
     #[arg(long, env = "LAMPWRIGHT_LOG_FORMAT", value_enum, default_value_t)]
     log_format: LogLines,
+    // Last: their headings hold for whatever comes after them.
+    #[command(flatten)]
+    bounds: Bounds,
+    #[command(flatten)]
+    elsewhere: Elsewhere,
 }
 
 #[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
@@ -276,7 +277,6 @@ impl From<StartError> for Failure {
                 "serve.storage",
                 "See that the data folder is whole and has room, and that the engines named by DATABASE_URL and STORAGE_URL answer.",
             ),
-            StartError::Outbound(_) => ("serve.outbound", "See that this system has certificates that TLS can trust."),
             StartError::Threads(_) => ("serve.threads", "Give fewer with --threads or --jobs."),
         };
         Failure::failed(code, error.to_string(), remedy)

@@ -102,9 +102,6 @@ pub enum StartError {
     /// A store cannot be opened.
     #[error(transparent)]
     Storage(#[from] storage::Error),
-    /// Nothing can be asked elsewhere.
-    #[error("cannot ask elsewhere: {0}")]
-    Outbound(#[from] outbound::Error),
     /// The computing threads cannot be had.
     #[error("cannot start the computing threads: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
@@ -139,8 +136,8 @@ pub struct Service {
     address: SocketAddr,
     slots: JoinSet<()>,
     release: CancellationToken,
-    /// Looks for garbage, and for what is kept no longer, as long as the service lives.
-    _upkeep: JoinSet<()>,
+    /// Looks for garbage, for what is kept no longer and for what is to be told, as long as the service lives.
+    upkeep: JoinSet<()>,
     /// Held as long as the service lives: proves that nobody else works in the data folder.
     _lock: Option<File>,
 }
@@ -186,7 +183,7 @@ impl Service {
         upkeep.spawn(retention::keep_up(storage.clone(), queue.clone(), config.retention));
         let watcher = Watcher::new(config.watchers());
         upkeep.spawn(watcher.clone().keep_up(storage.records.clone(), queue.changes(), config.poll));
-        let outbound = Outbound::new(config.outbound_exceptions.clone())?;
+        let outbound = Outbound::new(config.outbound_exceptions.clone());
         let dispatcher = Dispatcher::new(storage.records.clone(), outbound, config.webhooks.clone(), metrics.clone());
         upkeep.spawn(dispatcher.clone().keep_up(queue.changes(), config.poll));
         let listen = |error| StartError::Listen { address: config.listen, error };
@@ -213,7 +210,7 @@ impl Service {
         if config.role.answers() {
             upkeep.spawn(api.uploads.clone().keep_up(config.poll));
         }
-        Ok(Service { config, api, listener, address, slots, release, _upkeep: upkeep, _lock: lock })
+        Ok(Service { config, api, listener, address, slots, release, upkeep, _lock: lock })
     }
 
     fn api(
@@ -321,6 +318,7 @@ impl Service {
             let _ = timeout(self.config.grace, drained(&mut self.slots)).await;
         }
         let _ = timeout_at(deadline, server).await;
+        self.upkeep.abort_all();
         self.api.storage.records.close().await;
         tracing::info!("stopped");
         Ok(())

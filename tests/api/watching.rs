@@ -87,7 +87,6 @@ async fn what_another_process_changes_is_heard_too() {
     assert_eq!((&waits.json()["state"], goes.status), (&json!("cancelled"), StatusCode::NOT_FOUND));
     assert!(stream.status == 404 || events(&text(&stream.body)).pop().unwrap().name == "gone", "{stream:?}");
     assert!(asked.elapsed() < Duration::from_secs(50));
-    gate.open();
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -162,7 +161,10 @@ async fn those_who_wait_leave_room_for_those_who_do_not() {
         _ = &mut waiting => panic!("nobody opened the gate"),
         () = looks => gate.open(),
     }
-    for reply in waiting.await {
+    let opened = Instant::now();
+    let told = waiting.await;
+    println!("300 clients that waited were answered within {:?}", opened.elapsed());
+    for reply in told {
         assert_eq!((reply.status, &reply.json()["state"]), (StatusCode::OK, &json!("succeeded")));
     }
 

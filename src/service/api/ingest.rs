@@ -18,7 +18,7 @@ use utoipa::ToSchema;
 #[serde(deny_unknown_fields)]
 pub struct Elsewhere {
     /// Where: `https://..`, or `s3://bucket/key` in a bucket that the operator allows.
-    #[schema(max_length = 2048)]
+    #[schema(pattern = "^(https?|s3)://", max_length = 2048)]
     url: String,
     /// What to call it; else the last part of the address.
     #[serde(default)]

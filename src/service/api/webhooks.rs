@@ -21,7 +21,7 @@ const MAX_DESCRIPTION_CHARS: usize = 255;
 #[serde(deny_unknown_fields)]
 pub struct NewWebhook {
     /// Where to post: `https://..`.
-    #[schema(max_length = 2048)]
+    #[schema(pattern = "^https?://", max_length = 2048)]
     url: String,
     /// What it hears of; everything, if nothing is said.
     #[serde(default = "all")]
@@ -39,7 +39,7 @@ pub struct NewWebhook {
 pub struct WebhookChange {
     /// Where to post.
     #[serde(default)]
-    #[schema(max_length = 2048)]
+    #[schema(value_type = Option<String>, pattern = "^https?://", max_length = 2048)]
     url: Option<String>,
     /// What it hears of.
     #[serde(default)]

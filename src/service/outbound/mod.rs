@@ -18,7 +18,7 @@ use reqwest::dns::{Addrs, Name, Resolve, Resolving};
 use reqwest::{Client, Response, Url, header, redirect};
 use std::io;
 use std::net::{IpAddr, SocketAddr};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 use tokio::net::lookup_host;
 use tokio::time::timeout;
@@ -80,25 +80,30 @@ pub struct Download {
 /// Asks elsewhere. Cheap to clone.
 #[derive(Clone)]
 pub struct Outbound {
-    client: Client,
+    /// Made when it is first needed: a machine without certificates that nobody asks to ask needs none.
+    client: Arc<OnceLock<Result<Client, Error>>>,
     guard: Guard,
 }
 
 impl Outbound {
     /// Asks addresses of the internet, and `exceptions`.
-    ///
-    /// # Errors
-    /// TLS cannot be had.
-    pub fn new(exceptions: Vec<Exception>) -> Result<Outbound, Error> {
+    pub fn new(exceptions: Vec<Exception>) -> Outbound {
         Outbound::with(Guard { exceptions: exceptions.into(), lookup: Arc::new(system_lookup) })
     }
 
-    fn with(guard: Guard) -> Result<Outbound, Error> {
-        tls::install();
-        let client = Client::builder().dns_resolver(guard.clone()).no_proxy().redirect(redirect::Policy::none());
-        let client = client.connect_timeout(CONNECT).referer(false).pool_idle_timeout(CONNECT);
-        let client = client.user_agent(concat!("lampwright/", env!("CARGO_PKG_VERSION"))).build();
-        Ok(Outbound { client: client.map_err(unreachable)?, guard })
+    fn with(guard: Guard) -> Outbound {
+        Outbound { client: Arc::default(), guard }
+    }
+
+    fn client(&self) -> Result<&Client, Error> {
+        let made = self.client.get_or_init(|| {
+            tls::install();
+            let client =
+                Client::builder().dns_resolver(self.guard.clone()).no_proxy().redirect(redirect::Policy::none());
+            let client = client.connect_timeout(CONNECT).referer(false).pool_idle_timeout(CONNECT);
+            client.user_agent(concat!("lampwright/", env!("CARGO_PKG_VERSION"))).build().map_err(unreachable)
+        });
+        made.as_ref().map_err(Error::clone)
     }
 
     /// Whether `url` can be asked, as far as it says itself: what its name leads to is judged when it is asked.
@@ -150,7 +155,7 @@ impl Outbound {
         body: String,
         longest: Duration,
     ) -> Result<Answer, Error> {
-        let mut request = self.client.post(self.judged(url)?).header(header::CONTENT_TYPE, "application/json");
+        let mut request = self.client()?.post(self.judged(url)?).header(header::CONTENT_TYPE, "application/json");
         for (name, value) in headers {
             request = request.header(*name, value);
         }
@@ -182,7 +187,7 @@ impl Outbound {
         let mut at = self.judged(url)?;
         for _ in 0..=MAX_REDIRECTS {
             let silent = |_| Error::Unreachable(format!("no answer within {} s", ANSWER.as_secs()));
-            let response = timeout(ANSWER, self.client.get(at.clone()).send()).await.map_err(silent)?;
+            let response = timeout(ANSWER, self.client()?.get(at.clone()).send()).await.map_err(silent)?;
             let response = response.map_err(unreachable)?;
             match next(&response) {
                 Some(next) => at = self.judged(&next?)?,
@@ -302,12 +307,12 @@ mod tests {
             Box::pin(async move { Ok(answer) })
         });
         let exceptions = exceptions.iter().map(|text| text.parse().unwrap()).collect();
-        (Outbound::with(Guard { exceptions, lookup }).unwrap(), asked)
+        (Outbound::with(Guard { exceptions, lookup }), asked)
     }
 
     #[test]
     fn an_address_that_cannot_be_meant_is_refused_before_anybody_is_asked() {
-        let outbound = Outbound::new(vec!["127.0.0.2".parse().unwrap(), "receiver.lab".parse().unwrap()]).unwrap();
+        let outbound = Outbound::new(vec!["127.0.0.2".parse().unwrap(), "receiver.lab".parse().unwrap()]);
         for right in [
             "https://example.org/a?b=c",
             "https://[2606:4700::1111]:8443/",
