@@ -115,11 +115,17 @@ async fn a_packed_upload_is_the_ray_sets_in_it() {
 async fn what_comes_out_of_a_packed_file_needs_room_as_it_does() {
     let file = rays::zemax(20_000);
     let lamp = zip(&[("a.dat", &file), ("b.dat", &file), ("c.dat", &file)]);
+    let mut damaged = zip(&[("a.dat", &file), ("b.dat", &file), ("c.dat", &file), ("d.dat", &rays::zemax(99))]);
+    let middle_of_the_last = lamp.len() - 100;
+    damaged[middle_of_the_last] ^= 0x10;
     let size = file.len() as u64;
     assert!((lamp.len() as u64) < size / 2);
     let quota = |stored_bytes| move |config| Config { quota: Quota { stored_bytes, ..Quota::default() }, ..config };
-    // Room for two and a half: it is refused when the third comes out, not when all have.
+    // Room for two and a half: it is refused when the third comes out, not when all have; what comes after is not looked at.
+    let site = Site::start_as(quota(5 * size), prompt()).await;
+    site.upload(damaged.clone()).await.is_problem(400, "container.damaged");
     let site = Site::start_as(quota(2 * size + size / 2), prompt()).await;
+    site.upload(damaged).await.is_problem(413, "quota.stored_bytes");
     site.upload(lamp.clone()).await.is_problem(413, "quota.stored_bytes");
     nothing_left(&site).await;
     let at = begin(&site, lamp.len(), &[]).await;
@@ -200,7 +206,7 @@ async fn a_store_that_does_not_answer_makes_it_later_not_refused() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn what_nobody_goes_on_with_is_forgotten_and_what_it_became_is_not() {
-    let expiry = Duration::from_secs(2);
+    let expiry = Duration::from_secs(5);
     let site = Site::start_as(|config| Config { upload_expiry: expiry, ..config }, prompt()).await;
     let file = rays::zemax(50_000);
     let taken = send(&site, &file, 9_000_000, &[]).await;

@@ -2,9 +2,9 @@ use crate::runners::{Gate, burning, held, prompt, stubborn};
 use crate::site::Site;
 use axum::body::Body;
 use axum::http::{Method, StatusCode};
+use lampwright::service::Config;
 use lampwright::service::pace::Slowest;
 use lampwright::service::storage::records::sql;
-use lampwright::service::{Config, Service};
 use serde_json::json;
 use std::time::{Duration, Instant};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -193,21 +193,4 @@ async fn more_uploads_than_there_are_places_are_told_to_come_back_and_nobody_els
     }
     // Their places are free once they are gone.
     assert_eq!(site.upload(crate::rays::zemax(3)).await.status, StatusCode::CREATED);
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn a_connection_sees_the_limit_before_it_sends() {
-    let config = |config: Config| Config { max_upload_bytes: 1000, ..config };
-    let mut site = Site::start_as(config, prompt()).await;
-    let service: Service = site.service.take().unwrap();
-    let address = service.address();
-    let (stop, stopped) = oneshot::channel::<()>();
-    let serving = tokio::spawn(service.run_until(async { drop(stopped.await) }));
-    // The client waits to be told to go on, and is told not to.
-    let head = "POST /v1/ray-sets HTTP/1.1\r\nHost: localhost\r\nContent-Length: 1001\r\nExpect: 100-continue\r\nConnection: close\r\n\r\n";
-    let response = over_tcp(address, head).await.unwrap();
-    assert!(response.starts_with("HTTP/1.1 413"), "{response}");
-    assert!(response.contains("upload.too_large") && !response.contains("100 Continue"), "{response}");
-    drop(stop);
-    serving.await.unwrap().unwrap();
 }

@@ -11,10 +11,13 @@ use base64::engine::general_purpose::STANDARD as BASE64;
 use futures::stream;
 use lampwright::service::Config;
 use lampwright::service::access::quota::Quota;
+use lampwright::service::pace::Slowest;
 use lampwright::service::storage::records::sql;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::io;
+use std::pin::pin;
+use std::time::Duration;
 
 const VERSION: (&str, &str) = ("tus-resumable", "1.0.0");
 const OCTETS: (&str, &str) = ("content-type", "application/offset+octet-stream");
@@ -178,32 +181,50 @@ async fn bytes_go_where_the_upload_ends_and_once() {
     assert_eq!(offset(&site, &at).await, 0);
 }
 
+/// A body whose pieces are sent one by one.
+fn held() -> (tokio::sync::mpsc::Sender<io::Result<Bytes>>, Body) {
+    let (sender, receiver) = tokio::sync::mpsc::channel(1);
+    let pieces = stream::unfold(receiver, |mut receiver: tokio::sync::mpsc::Receiver<_>| async {
+        receiver.recv().await.map(|piece| (piece, receiver))
+    });
+    (sender, Body::from_stream(pieces))
+}
+
 #[tokio::test(flavor = "multi_thread")]
-async fn a_request_that_begins_later_goes_on_and_the_earlier_one_keeps_nothing_more() {
-    let site = Site::start(prompt()).await;
+async fn the_request_that_began_last_goes_on_and_an_earlier_one_keeps_nothing_more() {
+    let slowest = Slowest { interval: Duration::from_secs(30), bytes: 1 };
+    let site = Site::start_as(|config| Config { slowest, ..config }, prompt()).await;
     let file = rays::zemax(50_000);
     let at = begin(&site, file.len(), &[]).await;
-    // The earlier one's connection is dead and nobody has noticed.
-    let (sender, receiver) = tokio::sync::mpsc::channel::<io::Result<Bytes>>(1);
-    let body = Body::from_stream(stream::unfold(receiver, |mut receiver| async {
-        receiver.recv().await.map(|chunk| (chunk, receiver))
-    }));
-    let earlier = append(&site, &at, 0, body, &[]);
-    let later = async {
-        sender.send(Ok(Bytes::copy_from_slice(&file[..5000]))).await.unwrap();
-        let sessions = sql("SELECT id FROM uploads WHERE session IS NOT NULL");
-        while site.rows(sessions.clone()).await.is_empty() {
-            tokio::time::sleep(std::time::Duration::from_millis(5)).await;
-        }
-        let reply = append(&site, &at, 0, file[..80_000].to_vec(), &[]).await;
-        let _ = sender.send(Err(io::Error::other("connection reset"))).await;
-        reply
+    // The earlier one's connection is dead, and nobody has noticed.
+    let ((one, earlier), (two, later)) = (held(), held());
+    let sessions = async |site: &Site| {
+        let rows = site.rows(sql("SELECT COALESCE(session, '') AS session FROM uploads")).await;
+        rows[0].text("session").unwrap()
     };
-    let (earlier, later) = tokio::join!(earlier, later);
-    assert_eq!(later.status, StatusCode::NO_CONTENT, "{later:?}");
+    let earlier = append(&site, &at, 0, earlier, &[]);
+    let later = append(&site, &at, 0, later, &[]);
+    let (mut earlier, mut later) = (pin!(earlier), pin!(later));
+    for (request, sender) in [(&mut earlier, &one), (&mut later, &two)] {
+        let before = sessions(&site).await;
+        let begun = async {
+            sender.send(Ok(Bytes::copy_from_slice(&file[..5000]))).await.unwrap();
+            while sessions(&site).await == before {
+                tokio::time::sleep(Duration::from_millis(5)).await;
+            }
+        };
+        tokio::select! {
+            reply = request => panic!("{reply:?}"),
+            () = begun => {}
+        }
+    }
+    one.send(Err(io::Error::other("connection reset"))).await.unwrap();
+    let earlier = earlier.await;
     assert!(!earlier.status.is_success(), "{earlier:?}");
-    assert_eq!(offset(&site, &at).await, 80_000);
-    assert_eq!(site.blobs().len(), 1);
+    assert_eq!((offset(&site, &at).await, site.blobs().len()), (0, 0));
+    drop(two);
+    assert_eq!(later.await.header("upload-offset"), "5000");
+    assert_eq!((offset(&site, &at).await, site.blobs().len()), (5000, 1));
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -400,6 +421,11 @@ async fn with_little_room_left_no_upload_is_begun_or_gone_on_with() {
         return;
     }
     let at = begin(&site, 1000, &[]).await;
+    site.kill().await;
+    (site.config.keep_free, site.config.max_upload_bytes) = (1, u64::MAX >> 1);
+    site.restart(prompt()).await;
+    let exabyte = [VERSION, ("upload-length", "1000000000000000000")];
+    site.ask(Method::POST, "/v1/uploads", &exabyte, Body::empty()).await.is_problem(507, "storage.low_space");
     site.kill().await;
     site.config.keep_free = u64::MAX;
     site.restart(prompt()).await;
