@@ -49,13 +49,14 @@ use storage::space::Space;
 use storage::{Storage, endings, garbage};
 use tokio::io::AsyncRead;
 use tokio::net::TcpListener;
+use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout, timeout_at};
 use tokio_util::io::ReaderStream;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
 use upload::resume::Uploads;
-use upload::{Announcement, Intake};
+use upload::{Announcement, Buffers, INSPECTIONS, Intake};
 
 /// Why a service does not start.
 #[derive(Debug, thiserror::Error)]
@@ -192,8 +193,16 @@ impl Service {
         let (max_bytes, slowest, limits) = (config.max_upload_bytes, config.slowest, config.limits);
         let rate = RateLimit::new(config.rate_per_second, config.rate_burst);
         let space = Space::new(config.local_folders(), config.keep_free);
-        let intake =
-            Intake { storage: storage.clone(), max_bytes, slowest, quota: config.quota, space: space.clone(), limits };
+        let intake = Intake {
+            storage: storage.clone(),
+            max_bytes,
+            slowest,
+            quota: config.quota,
+            space: space.clone(),
+            limits,
+            buffers: Buffers::default(),
+            inspections: Arc::new(Semaphore::new(INSPECTIONS)),
+        };
         Api {
             uploads: Uploads {
                 intake: intake.clone(),

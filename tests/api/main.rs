@@ -38,6 +38,8 @@ mod inspections;
 mod channels;
 /// What is said of a file as it is sent.
 mod declared;
+/// What a backup of shared engines is worth.
+mod restore;
 /// Queue, cancellation, deletion, pages.
 mod jobs;
 /// What processes and stores do to jobs.

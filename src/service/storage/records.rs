@@ -22,6 +22,8 @@ struct Dialect {
     for_share: &'static str,
     /// What every new connection is told.
     connection: &'static str,
+    /// Whether a connection may be gone when it is next asked for, and is to be tried before.
+    can_drop: bool,
     /// Longest wait for a connection; while the database is away, how long a request takes to say so.
     acquire: Duration,
 }
@@ -33,6 +35,7 @@ static SQLITE: Dialect = Dialect {
     for_share: "",
     connection: "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON; \
                  PRAGMA busy_timeout = 10000;",
+    can_drop: false,
     acquire: Duration::from_secs(30),
 };
 
@@ -42,6 +45,7 @@ static POSTGRES: Dialect = Dialect {
     skip_locked: "FOR UPDATE SKIP LOCKED",
     for_share: "FOR SHARE",
     connection: "SET statement_timeout = '30s'; SET idle_in_transaction_session_timeout = '10s';",
+    can_drop: true,
     acquire: Duration::from_secs(5),
 };
 
@@ -268,7 +272,7 @@ impl Records {
 /// Connections of which each knows its dialect's rules. One that the database dropped is replaced when it is next asked for.
 fn pool(dialect: &'static Dialect, connections: u32) -> AnyPoolOptions {
     let options = AnyPoolOptions::new().max_connections(connections).acquire_timeout(dialect.acquire);
-    options.after_connect(move |connection, _| {
+    options.test_before_acquire(dialect.can_drop).after_connect(move |connection, _| {
         Box::pin(async move { connection.execute(dialect.connection).await.map(|_| ()) })
     })
 }
