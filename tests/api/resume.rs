@@ -160,7 +160,10 @@ async fn bytes_go_where_the_upload_ends_and_once() {
     let done = many.iter().filter(|reply| reply.status == StatusCode::NO_CONTENT).count();
     let refused = many.iter().filter(|reply| reply.status == StatusCode::CONFLICT).count();
     assert_eq!((done, refused), (1, 5), "{many:?}");
-    append(&site, &at, file.len(), Vec::new(), &[]).await.is_problem(409, "upload.complete");
+    append(&site, &at, file.len(), file[..9].to_vec(), &[]).await.is_problem(409, "upload.complete");
+    // Who lost the last answer adds nothing, and is told that all is there.
+    let nothing = append(&site, &at, file.len(), Vec::new(), &[("content-length", "0")]).await;
+    assert_eq!((nothing.status, nothing.header("upload-offset")), (StatusCode::NO_CONTENT, &*file.len().to_string()));
     let id = at.rsplit('/').next().unwrap();
     let ray_set = site.get(&format!("/v1/ray-sets/{id}")).await.json();
     assert_eq!((&ray_set["sha256"], &ray_set["byte_count"]), (&json!(sha256(&file)), &json!(file.len())));
@@ -247,6 +250,13 @@ async fn the_first_bytes_may_come_along_and_the_length_later() {
     let begun = site.ask(Method::POST, "/v1/uploads", &whole, file.clone()).await;
     assert_eq!((begun.status, begun.header("upload-offset")), (StatusCode::CREATED, &*length));
     assert_eq!(site.get(begun.header("location")).await.json()["state"], "taken");
+    // Part of it is not the whole: only what is said of the whole is held against it.
+    let part = format!("sha-256=:{}:", BASE64.encode(Sha256::digest(&file[..99])));
+    let first = [&whole[..], &[("content-digest", &part)]].concat();
+    let begun = site.ask(Method::POST, "/v1/uploads", &first, file[..99].to_vec()).await;
+    append(&site, begun.header("location"), 99, file[99..].to_vec(), &[]).await;
+    assert_eq!(site.get(begun.header("location")).await.json()["state"], "taken");
+    site.delete(begun.header("location")).await;
     // What fails was never begun: its sender could not know of it.
     let wrong = [("upload-checksum", "sha1 qZk+NkcGgWq6PiVxeFDCbJzQ2J0=")];
     let refused = site.ask(Method::POST, "/v1/uploads", &[&whole[..], &wrong].concat(), file.clone()).await;

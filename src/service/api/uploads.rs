@@ -125,6 +125,7 @@ fn address(id: &str) -> String {
         (status = 415, body = Problem, content_type = "application/problem+json", description = "a body of another type"),
         (status = 422, body = Problem, content_type = "application/problem+json", description = "a file that is refused; unusable metadata"),
         (status = 460, body = Problem, content_type = "application/problem+json", description = "the checksum does not match; nothing was begun"),
+        (status = 500, body = Problem, content_type = "application/problem+json", description = "the file ends the process that reads it"),
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, stopping, or a store that does not answer"),
         (status = 507, body = Problem, content_type = "application/problem+json", description = "no room for more"),
     )
@@ -132,12 +133,14 @@ fn address(id: &str) -> String {
 pub async fn create(
     State(api): State<Api>,
     access: Access,
-    headers: HeaderMap,
+    mut headers: HeaderMap,
     body: Body,
 ) -> Result<Response, Problem> {
     if api.draining.is_cancelled() {
         return Err(Problem::draining());
     }
+    // It is about the bytes that come along; Upload-Checksum is what tells of them here.
+    headers.remove("content-digest");
     let metadata = tus::metadata(&headers)?;
     let declared = metadata.sending.declaration()?;
     let body_headers = announcement(metadata.sending.name, &headers, "rays")?;

@@ -225,8 +225,21 @@ pub async fn list(records: &Records, tenant: &str, before: Option<&str>, limit: 
 /// The database did not answer.
 pub async fn parts(records: &Records, id: &str) -> Result<Vec<Part>, Error> {
     let select = sql("SELECT byte_count, blob FROM upload_parts WHERE upload_id = $1 ORDER BY number").bind(id);
-    let rows = records.read(select).await?;
-    rows.iter().map(|row| Ok(Part { byte_count: row.count("byte_count")?, blob: row.text("blob")? })).collect()
+    records.read(select).await?.iter().map(part).collect()
+}
+
+/// Number of the last part that is stored of an upload, and that part.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn last_part(records: &Records, id: &str) -> Result<Option<(usize, Part)>, Error> {
+    let select = "SELECT number, byte_count, blob FROM upload_parts WHERE upload_id = $1 ORDER BY number DESC LIMIT 1";
+    let numbered = |row: Row| Ok((row.count("number")? as usize, part(&row)?));
+    records.read_one(sql(select).bind(id)).await?.map(numbered).transpose()
+}
+
+fn part(row: &Row) -> Result<Part, Error> {
+    Ok(Part { byte_count: row.count("byte_count")?, blob: row.text("blob")? })
 }
 
 /// Lets the request `session` go on from `offset`, and no other any more; `None` when it is not there.

@@ -150,7 +150,8 @@ impl Uploads {
         let session = new_id();
         let begun = uploads::begin(records, tenant, id, piece.offset, &session, self.expiry).await?;
         match begun {
-            None if piece.whole.is_some() && piece.byte_count == Some(0) => {}
+            // Whoever lost the answer to the last byte adds nothing, at the end.
+            None if piece.byte_count == Some(0) && self.ends_at(tenant, id, piece.offset).await? => {}
             None => return Err(self.why_not(tenant, id).await?),
             Some(upload) => {
                 let checked = piece.checksum.is_some();
@@ -204,6 +205,13 @@ impl Uploads {
         }
     }
 
+    /// Whether all of an upload is there, up to `offset`.
+    async fn ends_at(&self, tenant: &str, id: &str, offset: u64) -> Result<bool, Error> {
+        let upload = uploads::get(&self.intake.storage.records, tenant, id).await?;
+        let complete = |upload: &Upload| matches!(upload.state, State::Finishing | State::Taken);
+        Ok(upload.is_some_and(|upload| complete(&upload) && upload.offset == offset))
+    }
+
     /// Why nothing can be added at an offset.
     async fn why_not(&self, tenant: &str, id: &str) -> Result<Error, Error> {
         let upload = uploads::get(&self.intake.storage.records, tenant, id).await?;
@@ -225,13 +233,15 @@ impl Uploads {
         let Intake { storage, .. } = &self.intake;
         let came = Extent::resumed(upload.offset, &upload.sha256_state);
         let came = came.ok_or_else(|| storage::Error::Records("the state of a digest cannot be read".into()))?;
-        let parts = uploads::parts(&storage.records, &upload.id).await?;
-        let continued = parts.last().filter(|part| part.byte_count < SHORT_BYTES).cloned();
+        let (number, continued) = match uploads::last_part(&storage.records, &upload.id).await? {
+            Some((number, part)) if part.byte_count < SHORT_BYTES => (number, Some(part)),
+            Some((number, _)) => (number + 1, None),
+            None => (0, None),
+        };
         let bytes = match &continued {
             Some(part) => storage.blobs.read(&part.blob, 0..part.byte_count).await?,
             None => Bytes::new(),
         };
-        let number = parts.len() - usize::from(continued.is_some());
         let spool = Spool::new(&self.intake, &upload.id, upload.byte_count);
         let spool = spool.resumed(session, came, number, &bytes);
         Ok(Writing { uploads: self, tenant, upload, session, spool, number, named: upload.offset, continued })
