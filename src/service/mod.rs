@@ -64,13 +64,14 @@ use storage::space::Space;
 use storage::{Storage, endings, garbage};
 use tokio::io::AsyncRead;
 use tokio::net::TcpListener;
+use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout, timeout_at};
 use tokio_util::io::ReaderStream;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
 use upload::resume::Uploads;
-use upload::{Announcement, Intake};
+use upload::{Announcement, Buffers, INSPECTIONS, Intake};
 use webhooks::deliveries;
 use webhooks::dispatcher::Dispatcher;
 
@@ -225,8 +226,16 @@ impl Service {
         let rate = RateLimit::new(config.rate_per_second, config.rate_burst);
         let outbound = config.ingests().then(|| dispatcher.outbound().clone());
         let space = Space::new(config.local_folders(), config.keep_free);
-        let intake =
-            Intake { storage: storage.clone(), max_bytes, slowest, quota: config.quota, space: space.clone(), limits };
+        let intake = Intake {
+            storage: storage.clone(),
+            max_bytes,
+            slowest,
+            quota: config.quota,
+            space: space.clone(),
+            limits,
+            buffers: Buffers::default(),
+            inspections: Arc::new(Semaphore::new(INSPECTIONS)),
+        };
         Ok(Api {
             ingest: Ingest::new(outbound, &config.ingest_buckets)?,
             uploads: Uploads {

@@ -40,6 +40,8 @@ mod inspections;
 mod channels;
 /// What is said of a file as it is sent.
 mod declared;
+/// What a backup of shared engines is worth.
+mod restore;
 /// Queue, cancellation, deletion, pages.
 mod jobs;
 /// How clients hear of their jobs.

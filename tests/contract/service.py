@@ -66,14 +66,14 @@ class Service:
         return self.process.poll() is None
 
     def ask(self, method, path, body=None, media_type="application/json"):
-        """What a request that must succeed answers, as JSON."""
+        """What a request that must succeed answers, as JSON; None for nothing."""
         headers = {"Authorization": f"Bearer {self.key}"} if self.key else {}
         if body is not None:
             headers["Content-Type"] = media_type
         body = json.dumps(body).encode() if media_type == "application/json" and body is not None else body
         request = urllib.request.Request(self.url + path, data=body, method=method, headers=headers)
         with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
-            return json.load(answer)
+            return json.loads(answer.read() or b"null")
 
     def ray_set(self, rays):
         answer = self.ask("POST", "/v1/ray-sets?name=chip.tm25ray", rays, "application/octet-stream")

@@ -4,7 +4,16 @@
 #[path = "../support/http.rs"]
 mod http;
 #[cfg(test)]
+#[path = "../support/packing.rs"]
+mod packing;
+#[cfg(test)]
+#[path = "../support/rays.rs"]
+mod rays;
+#[cfg(test)]
 mod server;
+/// What means harm.
+#[cfg(test)]
+mod hostile;
 
 use crate::http::ask;
 use serde_json::{Value, json};

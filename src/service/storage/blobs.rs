@@ -94,6 +94,11 @@ impl Blobs {
         Ok(())
     }
 
+    /// How much of a blob to ask for at once, bytes: a request to S3 costs as much time as a megabyte, one to a disk little.
+    pub fn block_bytes(&self) -> u64 {
+        if self.folder.is_some() { 256 << 10 } else { 1 << 20 }
+    }
+
     /// Bytes `range` of a blob.
     ///
     /// # Errors

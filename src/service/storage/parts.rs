@@ -8,8 +8,6 @@ use std::io;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::runtime::Handle;
 
-/// What is asked of the store at once, bytes: a request to S3 costs as much time as a megabyte.
-const BLOCK_BYTES: u64 = 1 << 20;
 /// Blocks kept, so that threads which read chunks next to each other do not ask twice for what lies between.
 const BLOCKS: usize = 8;
 
@@ -25,6 +23,8 @@ pub struct Part {
 /// Parts in order, read like one file. Asked from the pipeline's own threads, never from an async one: it waits.
 pub struct Parts {
     blobs: Blobs,
+    /// What is asked of the store at once.
+    block_bytes: u64,
     parts: Vec<Part>,
     /// Offset of each part in the whole, and the total length last.
     offsets: Vec<u64>,
@@ -50,7 +50,7 @@ impl Parts {
             end += part.byte_count;
             offsets.push(end);
         }
-        Parts { blobs, parts, offsets, runtime, blocks: Mutex::default() }
+        Parts { block_bytes: blobs.block_bytes(), blobs, parts, offsets, runtime, blocks: Mutex::default() }
     }
 
     /// The bytes of one block, the last of a part being shorter.
@@ -60,8 +60,8 @@ impl Parts {
         if let Some(bytes) = bytes.as_ref() {
             return Ok(bytes.clone());
         }
-        let start = number * BLOCK_BYTES;
-        let range = start..part.byte_count.min(start + BLOCK_BYTES);
+        let start = number * self.block_bytes;
+        let range = start..part.byte_count.min(start + self.block_bytes);
         let expected = range.end - range.start;
         let read = self.runtime.block_on(self.blobs.read(&part.blob, range)).map_err(io::Error::other)?;
         if read.len() as u64 != expected {
@@ -104,7 +104,7 @@ impl pipeline::Bytes for Parts {
         let (mut rest, mut offset) = (into, offset);
         for (index, (part, start)) in self.parts.iter().zip(&self.offsets).enumerate().skip(first) {
             while !rest.is_empty() && offset < start + part.byte_count {
-                let (number, from) = ((offset - start) / BLOCK_BYTES, (offset - start) % BLOCK_BYTES);
+                let (number, from) = ((offset - start) / self.block_bytes, (offset - start) % self.block_bytes);
                 let block = self.block(index, part, number)?;
                 let bytes = block.get(from as usize..).unwrap_or_default();
                 let (now, later) = rest.split_at_mut(bytes.len().min(rest.len()));
@@ -154,7 +154,8 @@ mod tests {
         let blobs = Blobs::open(&format!("file:{}", folder.path().display())).unwrap();
         // Two parts of many blocks, the last ones short; no byte like that a block before.
         let byte = |at: usize| ((at as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 56) as u8;
-        let lengths = [5 * BLOCK_BYTES as usize + 7, 6 * BLOCK_BYTES as usize + 1];
+        let block = blobs.block_bytes() as usize;
+        let lengths = [20 * block + 7, 24 * block + 1];
         let whole: Vec<u8> = (0..lengths[0] + lengths[1]).map(byte).collect();
         let mut parts = Vec::new();
         for (number, piece) in [&whole[..lengths[0]], &whole[lengths[0]..]].into_iter().enumerate() {

@@ -24,6 +24,8 @@ struct Dialect {
     texts: &'static str,
     /// What every new connection is told.
     connection: &'static str,
+    /// Whether a connection may be gone when it is next asked for, and is to be tried before.
+    can_drop: bool,
     /// Longest wait for a connection; while the database is away, how long a request takes to say so.
     acquire: Duration,
 }
@@ -36,6 +38,7 @@ static SQLITE: Dialect = Dialect {
     texts: "SELECT value FROM json_each($1)",
     connection: "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON; \
                  PRAGMA busy_timeout = 10000;",
+    can_drop: false,
     acquire: Duration::from_secs(30),
 };
 
@@ -46,6 +49,7 @@ static POSTGRES: Dialect = Dialect {
     for_share: "FOR SHARE",
     texts: "SELECT json_array_elements_text(CAST($1 AS JSON))",
     connection: "SET statement_timeout = '30s'; SET idle_in_transaction_session_timeout = '10s';",
+    can_drop: true,
     acquire: Duration::from_secs(5),
 };
 
@@ -276,7 +280,7 @@ impl Records {
 /// Connections of which each knows its dialect's rules. One that the database dropped is replaced when it is next asked for.
 fn pool(dialect: &'static Dialect, connections: u32) -> AnyPoolOptions {
     let options = AnyPoolOptions::new().max_connections(connections).acquire_timeout(dialect.acquire);
-    options.after_connect(move |connection, _| {
+    options.test_before_acquire(dialect.can_drop).after_connect(move |connection, _| {
         Box::pin(async move { connection.execute(dialect.connection).await.map(|_| ()) })
     })
 }

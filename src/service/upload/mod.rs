@@ -4,6 +4,8 @@
 
 /// How much of a file has come.
 mod extent;
+/// Memory for parts.
+mod buffers;
 /// From bytes to parts.
 mod spool;
 /// What is in a packed file.
@@ -25,6 +27,7 @@ use super::storage::ray_sets::{self, Draft, Packed, RaySet};
 use super::storage::space::Space;
 use super::storage::{self, Storage, new_id, ray_set_folder};
 use crate::pipeline::{self, Artifact, Fault, Input, Limits, Place, Stage, Watch};
+pub use buffers::Buffers;
 use bytes::Bytes;
 use futures::Stream;
 use serde::{Deserialize, Serialize};
@@ -35,8 +38,12 @@ use std::fmt::Display;
 use std::pin::pin;
 use std::sync::Arc;
 use tokio::runtime::Handle;
+use tokio::sync::Semaphore;
 use tokio::task::spawn_blocking;
 use tokio_util::sync::CancellationToken;
+
+/// Files read to their end at once: each holds the blocks that its threads read, and all threads work on each.
+pub const INSPECTIONS: usize = 2;
 
 /// Why a ray file is not taken in.
 #[derive(Debug, thiserror::Error)]
@@ -153,6 +160,10 @@ pub struct Intake {
     pub space: Space,
     /// What a ray file may ask of this machine.
     pub limits: Limits,
+    /// Where parts are filled.
+    pub buffers: Buffers,
+    /// Places for files that are read to their end, [`INSPECTIONS`] of them.
+    pub inspections: Arc<Semaphore>,
 }
 
 impl Intake {
@@ -273,6 +284,8 @@ impl Intake {
     /// Reads the whole file once, on a thread that may block, until `gone`.
     async fn inspect_and_describe(&self, input: Input, gone: CancellationToken) -> Result<Described, Error> {
         let limits = self.limits;
+        // Never closed: without a place it would go on all the same.
+        let _place = self.inspections.acquire().await;
         let described = spawn_blocking(move || describe(&input, &limits, &Until(gone)).map_err(in_query));
         Ok(described.await.map_err(|error| pipeline::Error::Unreadable(std::io::Error::other(error)))??)
     }

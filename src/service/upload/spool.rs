@@ -3,14 +3,15 @@
 use super::super::crash;
 use super::super::storage::parts::Part;
 use super::super::storage::ray_set_folder;
+use super::buffers::Buffer;
 use super::extent::Extent;
 use super::{Error, Intake, Stored};
 use crate::pipeline;
-use bytes::{Bytes, BytesMut};
 use std::mem;
 
-/// Length of every part but the last, bytes.
-pub const PART_BYTES: usize = 8 << 20;
+/// Length of every part but the last, bytes: every upload at hand holds as much in memory. Less would be more rows, more requests to
+/// a store, and more waiting for a disk.
+pub const PART_BYTES: usize = 4 << 20;
 /// How much of a file is judged as soon as it is there, bytes.
 pub(super) const PREFIX_BYTES: usize = 64 << 10;
 
@@ -23,7 +24,7 @@ pub(super) struct Spool<'a> {
     mark: String,
     /// Number of the part being filled.
     number: usize,
-    buffer: BytesMut,
+    buffer: Buffer,
     parts: Vec<Part>,
     came: Extent,
     stored: Extent,
@@ -40,7 +41,7 @@ impl<'a> Spool<'a> {
             announced,
             mark: String::new(),
             number: 0,
-            buffer: BytesMut::new(),
+            buffer: intake.buffers.take(),
             parts: Vec::new(),
             came: Extent::default(),
             stored: Extent::default(),
@@ -51,10 +52,11 @@ impl<'a> Spool<'a> {
 
     /// Goes on after `came`, of which the last bytes are `continued`: they are stored again with those that follow, as part
     /// `number`. `session` is a name that no other request has.
-    pub fn resumed(self, session: &str, came: Extent, number: usize, continued: &[u8]) -> Spool<'a> {
+    pub fn resumed(mut self, session: &str, came: Extent, number: usize, continued: &[u8]) -> Spool<'a> {
         let judged = came.byte_count >= PREFIX_BYTES as u64;
-        let (mark, buffer, stored) = (format!(".{session}"), BytesMut::from(continued), came.clone());
-        Spool { mark, number, buffer, stored, came, judged, ..self }
+        self.buffer.fill(continued);
+        let (mark, stored) = (format!(".{session}"), came.clone());
+        Spool { mark, number, stored, came, judged, ..self }
     }
 
     /// How much has come, bytes.
@@ -82,14 +84,13 @@ impl<'a> Spool<'a> {
         }
         let mut rest = chunk;
         while !rest.is_empty() {
-            let (now, later) = rest.split_at(rest.len().min(PART_BYTES - self.buffer.len()));
-            self.came.extend(now);
-            self.buffer.extend_from_slice(now);
+            let later = self.buffer.fill(rest);
+            self.came.extend(rest.get(..rest.len() - later.len()).unwrap_or_default());
             rest = later;
             if self.buffer.len() >= PREFIX_BYTES {
                 self.judge()?;
             }
-            if self.buffer.len() == PART_BYTES {
+            if self.buffer.is_full() {
                 self.store().await?;
             }
         }
@@ -138,13 +139,15 @@ impl<'a> Spool<'a> {
     }
 
     async fn store(&mut self) -> Result<(), Error> {
-        let bytes: Bytes = self.buffer.split().freeze();
-        let byte_count = bytes.len() as u64;
+        let byte_count = self.buffer.len() as u64;
         if !self.intake.space.has_room_for(byte_count) {
             return Err(Error::LowSpace);
         }
         let blob = format!("{}/{:06}{}", ray_set_folder(self.id), self.number, self.mark);
-        self.intake.storage.blobs.put(&blob, bytes).await?;
+        let bytes = self.buffer.lend();
+        let put = self.intake.storage.blobs.put(&blob, bytes.clone()).await;
+        self.buffer.take_back(bytes);
+        put?;
         crash::point("upload.part_stored");
         self.number += 1;
         self.parts.push(Part { blob, byte_count });
