@@ -19,7 +19,7 @@ struct CommandLine {
 #[derive(Subcommand)]
 enum Verb {
     /// Run the service (the default).
-    Serve(serve::Arguments),
+    Serve(Box<serve::Arguments>),
     /// Build a model from ray files, without a server.
     Build(build::Arguments),
     /// Say what a ray file says of itself, and what its rays say.
@@ -42,7 +42,7 @@ enum Verb {
 
 fn main() -> ExitCode {
     let arguments = CommandLine::parse();
-    let done = match arguments.verb.unwrap_or(Verb::Serve(arguments.serve)) {
+    let done = match arguments.verb.unwrap_or_else(|| Verb::Serve(Box::new(arguments.serve))) {
         Verb::Serve(arguments) => serve::run(&arguments),
         Verb::Build(arguments) => build::run(&arguments),
         Verb::Inspect(arguments) => inspect::run(&arguments),
