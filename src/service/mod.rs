@@ -65,7 +65,7 @@ use storage::{Storage, endings, garbage};
 use tokio::io::AsyncRead;
 use tokio::net::TcpListener;
 use tokio::sync::Semaphore;
-use tokio::task::JoinSet;
+use tokio::task::{JoinError, JoinSet};
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout, timeout_at};
 use tokio_util::io::ReaderStream;
 use tokio_util::sync::CancellationToken;
@@ -179,18 +179,21 @@ impl Service {
             garbage::collect(&storage, Duration::ZERO).await?;
         }
         tracing::info!(alone = lock.is_some(), role = ?config.role, "storage opened");
+        let (stop, release) = (CancellationToken::new(), CancellationToken::new());
         let mut upkeep = JoinSet::new();
-        upkeep.spawn(collect_garbage(storage.clone(), config.clone()));
-        upkeep.spawn(retention::keep_up(storage.clone(), queue.clone(), config.retention));
+        upkeep.spawn(until(stop.clone(), collect_garbage(storage.clone(), config.clone())));
+        upkeep.spawn(until(stop.clone(), retention::keep_up(storage.clone(), queue.clone(), config.retention)));
         let watcher = Watcher::new(config.watchers());
-        upkeep.spawn(watcher.clone().keep_up(storage.records.clone(), queue.changes(), config.poll));
+        let watching = watcher.clone().keep_up(storage.records.clone(), queue.changes(), config.poll);
+        upkeep.spawn(until(stop.clone(), watching));
         let outbound = Outbound::new(config.outbound_exceptions.clone());
         let dispatcher = Dispatcher::new(storage.records.clone(), outbound, config.webhooks.clone(), metrics.clone());
-        upkeep.spawn(dispatcher.clone().keep_up(queue.changes(), config.poll));
+        if config.role.answers() {
+            upkeep.spawn(dispatcher.clone().keep_up(queue.changes(), config.poll, stop.clone()));
+        }
         let listen = |error| StartError::Listen { address: config.listen, error };
         let listener = TcpListener::bind(config.listen).await.map_err(listen)?;
         let address = listener.local_addr().map_err(listen)?;
-        let (stop, release) = (CancellationToken::new(), CancellationToken::new());
         let worker = Worker {
             storage: storage.clone(),
             queue: queue.clone(),
@@ -209,7 +212,7 @@ impl Service {
         };
         let api = Service::api(&config, storage, queue, (watcher, dispatcher), metrics, stop)?;
         if config.role.answers() {
-            upkeep.spawn(api.uploads.clone().keep_up(config.poll));
+            upkeep.spawn(until(api.draining.clone(), api.uploads.clone().keep_up(config.poll)));
         }
         Ok(Service { config, api, listener, address, slots, release, upkeep, _lock: lock })
     }
@@ -306,7 +309,7 @@ impl Service {
     /// configured grace before jobs go back to the queue, their attempt not counted, and connections are cut.
     ///
     /// # Errors
-    /// The listener failed.
+    /// The listener failed; a task that looks after the stores hit a fault of ours.
     pub async fn run_until(mut self, shutdown: impl Future<Output = ()>) -> io::Result<()> {
         tracing::info!(address = %self.address, "listening");
         let draining = self.api.draining.clone();
@@ -317,6 +320,8 @@ impl Service {
         tokio::select! {
             () = shutdown => {}
             served = &mut server => return served.map_err(io::Error::other),
+            // Without it the service would seem well and do half of its work: whoever looks after the process starts another.
+            fault = fault(&mut self.upkeep) => return Err(io::Error::other(fault)),
         }
         tracing::info!("stopping");
         draining.cancel();
@@ -327,10 +332,27 @@ impl Service {
             let _ = timeout(self.config.grace, drained(&mut self.slots)).await;
         }
         let _ = timeout_at(deadline, server).await;
+        let _ = timeout_at(deadline, drained(&mut self.upkeep)).await;
         self.upkeep.abort_all();
         self.api.storage.records.close().await;
         tracing::info!("stopped");
         Ok(())
+    }
+}
+
+/// A task that is given up when the service is `stopping`: nothing of it is left half done.
+async fn until(stopping: CancellationToken, task: impl Future<Output = ()>) {
+    stopping.run_until_cancelled(task).await;
+}
+
+/// Resolves when a task has hit a fault; one that ends by itself had nothing to do.
+async fn fault(tasks: &mut JoinSet<()>) -> JoinError {
+    loop {
+        match tasks.join_next().await {
+            Some(Ok(())) => {}
+            Some(Err(fault)) => return fault,
+            None => std::future::pending().await,
+        }
     }
 }
 

@@ -178,6 +178,20 @@ async fn what_is_not_there_is_not_found() {
     site.get("/v1/jobs/%ff").await.is_problem(400, "request.malformed_path");
 }
 
+/// PostgreSQL keeps no such text and looks for none: without a word of ours it would be a store that does not answer.
+#[tokio::test(flavor = "multi_thread")]
+async fn the_character_that_no_text_may_hold_is_refused_wherever_it_comes() {
+    let site = Site::start(prompt()).await;
+    site.get("/v1/jobs/%00").await.is_problem(400, "request.malformed_path");
+    site.get("/v1/jobs?after=%00").await.is_problem(422, "request.wrong_type");
+    site.post("/v1/webhooks", &json!({ "url": "https://a.example/", "description": "\0" }))
+        .await
+        .is_problem(422, "request.wrong_type");
+    site.post("/v1/jobs", &json!({ "channels": [{ "ray_set": "x", "name": "a\0" }] }))
+        .await
+        .is_problem(422, "request.wrong_type");
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_method_that_is_not_there_names_those_that_are() {
     let site = Site::start(prompt()).await;

@@ -140,9 +140,10 @@ async fn a_stream_tells_every_change_and_ends_with_the_job() {
     assert_eq!(last.data, site.get(&format!("/v1/jobs/{job}")).await.json());
     assert!(rest.iter().rev().skip(1).all(|event| event.name == "progress" && event.data["state"] == "running"));
 
-    // The other one was queued, then ran, then ended.
+    // The other one was queued, then ran, unless it was too quick to be seen, then ended.
     let told = events(&text(&queued.try_collect::<Vec<_>>().await.unwrap().concat()));
-    assert_eq!((told[0].data["state"].as_str(), told.last().unwrap().name.as_str()), (Some("running"), "ended"));
+    assert_eq!(told.last().unwrap().name, "ended");
+    assert!(told.iter().rev().skip(1).all(|event| event.data["state"] == "running"), "{told:?}");
     // Who saw the end is told not to ask again; who did not gets it at once.
     let seen = [("last-event-id", "ended")];
     assert_eq!(site.ask(Method::GET, &watched(&job), &seen, Body::empty()).await.status, StatusCode::NO_CONTENT);

@@ -59,14 +59,24 @@ def ray_file(path, mib):
     return digest.hexdigest()
 
 
+def free_port():
+    """A port that no client gets as its own while the server is dead: below those the system hands out."""
+    while True:
+        port = random.randrange(10_000, 32_000)
+        with socket.socket() as probe:
+            try:
+                probe.bind(("127.0.0.1", port))
+                return port
+            except OSError:
+                continue
+
+
 class Node:
     """A server on an address of its own, which it keeps when it is started again; killed at the end, whatever that is."""
 
     def __init__(self, folder):
         self.folder = folder
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.address = f"127.0.0.1:{probe.getsockname()[1]}"
+        self.address = f"127.0.0.1:{free_port()}"
         self.start()
         atexit.register(self.kill)
 

@@ -3,12 +3,13 @@
 use super::Api;
 use super::access::operations;
 use super::contract::can_fail;
+use super::events::Waiting;
 use super::problem::Problem;
 use axum::BoxError;
 use axum::body::Body;
 use axum::error_handling::HandleErrorLayer;
-use axum::extract::Request;
-use axum::http::header;
+use axum::extract::{Query, Request};
+use axum::http::{Uri, header};
 use axum::middleware::{Next, from_fn};
 use axum::response::IntoResponse;
 use futures::StreamExt;
@@ -34,6 +35,11 @@ pub fn admit(routes: OpenApiRouter<Api>, places: &Arc<Semaphore>) -> OpenApiRout
     routes.layer(layers)
 }
 
+/// Whether a request asks to wait; what cannot be read waits for nothing.
+fn waits(uri: &Uri) -> bool {
+    Query::<Waiting>::try_from_uri(uri).is_ok_and(|Query(waiting)| !waiting.is_none())
+}
+
 /// As [`admit`] and [`patient`], but for requests that wait for something to happen (`?wait=`): whoever watches it bounds those,
 /// and they keep nobody else from asking.
 pub fn admit_but_waiting(routes: OpenApiRouter<Api>, places: &Arc<Semaphore>) -> OpenApiRouter<Api> {
@@ -41,7 +47,7 @@ pub fn admit_but_waiting(routes: OpenApiRouter<Api>, places: &Arc<Semaphore>) ->
     routes.layer(from_fn(move |request: Request, next: Next| {
         let places = Arc::clone(&places);
         async move {
-            if request.uri().query().is_some_and(|query| query.contains("wait=")) {
+            if waits(request.uri()) {
                 return next.run(request).await;
             }
             let Ok(_place) = places.try_acquire() else { return Problem::busy().into_response() };

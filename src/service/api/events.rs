@@ -43,6 +43,11 @@ pub struct Waiting {
 }
 
 impl Waiting {
+    /// Whether the answer is wanted at once.
+    pub fn is_none(&self) -> bool {
+        self.wait == 0
+    }
+
     /// The longest wait that was asked for.
     ///
     /// # Errors

@@ -30,7 +30,9 @@ impl<T: DeserializeOwned + Serialize, S: Send + Sync> FromRequest<S> for Body<T>
         let bytes = bytes_up_to(request.into_body(), MAX_JSON_BYTES).await?;
         let mut json: Value =
             serde_json::from_slice(&bytes).map_err(|error| Problem::malformed_json(format!("{error}.")))?;
-        write_whole(&mut json);
+        if let Some(path) = unwritable(&mut json, String::new()) {
+            return Err(Problem::wrong_shape(&path, "the character U+0000, which no text may hold"));
+        }
         let value: T = serde_path_to_error::deserialize(&json)
             .map_err(|error| Problem::wrong_shape(&error.path().to_string(), &error.inner().to_string()))?;
         let meant = serde_json::to_value(&value).unwrap_or_default();
@@ -41,19 +43,31 @@ impl<T: DeserializeOwned + Serialize, S: Send + Sync> FromRequest<S> for Body<T>
     }
 }
 
-/// Writes 16.0 as 16: to JSON they are one number, to serde they are not.
-fn write_whole(value: &mut Value) {
+/// Writes 16.0 as 16: to JSON they are one number, to serde they are not. The path of a text that PostgreSQL could not keep, if any.
+fn unwritable(value: &mut Value, path: String) -> Option<String> {
     match value {
         Value::Number(number) => {
             let whole = number.as_f64().filter(|float| number.is_f64() && float.fract() == 0.0 && float.abs() < 9e15);
             if let Some(whole) = whole {
                 *number = (whole as i64).into();
             }
+            None
         }
-        Value::Array(items) => items.iter_mut().for_each(write_whole),
-        Value::Object(fields) => fields.values_mut().for_each(write_whole),
-        Value::Null | Value::Bool(_) | Value::String(_) => {}
+        Value::Array(items) => {
+            items.iter_mut().enumerate().find_map(|(k, item)| unwritable(item, format!("{path}[{k}]")))
+        }
+        Value::Object(fields) => fields.iter_mut().find_map(|(name, field)| {
+            let dot = if path.is_empty() { "" } else { "." };
+            unwritable(field, format!("{path}{dot}{name}"))
+        }),
+        Value::String(text) => text.contains('\0').then_some(path),
+        Value::Null | Value::Bool(_) => None,
     }
+}
+
+/// U+0000 in an address: no name and no id has it, and PostgreSQL could not even look.
+fn has_nul(part: Option<&str>) -> bool {
+    part.is_some_and(|part| part.contains("%00"))
 }
 
 /// A small body, all of it.
@@ -101,6 +115,9 @@ impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for Path<T>
     type Rejection = Problem;
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Path<T>, Problem> {
+        if has_nul(Some(parts.uri.path())) {
+            return Err(Problem::malformed_path("It holds the character U+0000."));
+        }
         match axum::extract::Path::<T>::from_request_parts(parts, state).await {
             Ok(axum::extract::Path(path)) => Ok(Path(path)),
             Err(rejection) => Err(Problem::malformed_path(rejection.body_text())),
@@ -115,6 +132,9 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
     type Rejection = Problem;
 
     async fn from_request_parts(parts: &mut Parts, _state: &S) -> Result<Query<T>, Problem> {
+        if has_nul(parts.uri.query()) {
+            return Err(Problem::wrong_shape("query", "the character U+0000, which no text may hold"));
+        }
         match axum::extract::Query::<T>::try_from_uri(&parts.uri) {
             Ok(axum::extract::Query(query)) => Ok(Query(query)),
             Err(rejection) => {

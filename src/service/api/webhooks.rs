@@ -68,7 +68,7 @@ pub struct Webhook {
     description: String,
     /// Whether it is told anything.
     enabled: bool,
-    /// Why not: it answered 410, or has taken nothing for three days.
+    /// Why not: it answered 410, or has taken nothing for three days and not the last of ten attempts.
     disabled_why: Option<String>,
     /// Since when it has taken nothing, epoch ms; null while it does.
     failing_since_ms: Option<i64>,
@@ -147,7 +147,7 @@ fn judge(api: &Api, told: &Told) -> Result<(), Problem> {
 ///
 /// Every job that ends from now on is posted to it, signed as Standard Webhooks says: `webhook-id` (the same for every attempt: drop
 /// what came before), `webhook-timestamp` and `webhook-signature`; the body is a WebhookMessage. Any 2xx within 15 s is taken for
-/// an answer, 410 ends it; else it is told again, nine times within three days, later and later.
+/// an answer, 410 ends it; else it is told again, later and later: ten times in all, within three days and a half.
 #[utoipa::path(
     post, path = "/v1/webhooks", tag = "webhooks", operation_id = "create_webhook", request_body = NewWebhook,
     responses(
@@ -248,7 +248,8 @@ pub async fn change(
 
 /// Makes a new secret for a webhook
 ///
-/// For a day the one before signs too: `webhook-signature` then has two, and either is good.
+/// For a day the one before signs too: `webhook-signature` then has two, and either is good. Asked again within that day, the one
+/// that the receiver has goes on signing.
 #[utoipa::path(
     post, path = "/v1/webhooks/{id}/secret", tag = "webhooks", operation_id = "rotate_webhook_secret",
     params(("id" = String, Path, description = "the webhook")),

@@ -85,7 +85,9 @@ impl Watcher {
                 return;
             }
         };
-        let watched = self.0.watched();
+        let mut watched = self.0.watched();
+        // Of two who leave together, each may have seen the other's receiver.
+        watched.jobs.retain(|_, told| told.receiver_count() > 0);
         for id in ids {
             if let Some(told) = watched.jobs.get(&id) {
                 told.send_replace(News { look, standing: standings.remove(&id) });

@@ -21,7 +21,7 @@ use std::net::{IpAddr, SocketAddr};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 use tokio::net::lookup_host;
-use tokio::time::timeout;
+use tokio::time::{Instant, timeout, timeout_at};
 
 /// Longest time until a connection stands.
 const CONNECT: Duration = Duration::from_secs(10);
@@ -41,7 +41,8 @@ pub enum Error {
     #[error("{0}")]
     Url(String),
     /// The address is not the internet's.
-    #[error("{host} leads to {address}, which is not an address of the internet")]
+    // Where it leads is the operator's business: names of an inner network are not to be looked up through us.
+    #[error("{host} does not lead to an address of the internet")]
     Refused {
         /// Who was asked for.
         host: String,
@@ -159,24 +160,23 @@ impl Outbound {
         for (name, value) in headers {
             request = request.header(*name, value);
         }
-        let asked = async {
-            let mut response = request.body(body).send().await.map_err(unreachable)?;
-            let mut beginning = Vec::new();
-            // The status is what counts; a body that breaks off is as good as one that ends.
-            while let Ok(Some(piece)) = response.chunk().await
-                && beginning.len() < KEPT_BYTES
-            {
-                beginning.extend_from_slice(&piece);
-            }
-            beginning.truncate(KEPT_BYTES);
-            Ok(Answer {
-                status: response.status().as_u16(),
-                retry_after: seconds(&response),
-                beginning: String::from_utf8_lossy(&beginning).replace('\0', "\u{fffd}"),
-            })
-        };
-        let silent = || Error::Unreachable(format!("no answer within {} s", longest.as_secs_f64()));
-        timeout(longest, asked).await.unwrap_or_else(|_| Err(silent()))
+        let deadline = Instant::now() + longest;
+        let silent = |_| Error::Unreachable(format!("no answer within {} s", longest.as_secs_f64()));
+        let asked = timeout_at(deadline, request.body(body).send()).await.map_err(silent)?;
+        let mut response = asked.map_err(unreachable)?;
+        let mut beginning = Vec::new();
+        // The status is what counts; a body that breaks off or lingers is as good as one that ends.
+        while let Ok(Ok(Some(piece))) = timeout_at(deadline, response.chunk()).await
+            && beginning.len() < KEPT_BYTES
+        {
+            beginning.extend_from_slice(&piece);
+        }
+        beginning.truncate(KEPT_BYTES);
+        Ok(Answer {
+            status: response.status().as_u16(),
+            retry_after: seconds(&response),
+            beginning: String::from_utf8_lossy(&beginning).replace('\0', "\u{fffd}"),
+        })
     }
 
     /// Gets a file, by a few redirects if need be; whatever it answers at the end, also an error.
@@ -266,7 +266,10 @@ impl Guard {
         let known = |exception: &Exception| exception.has_address(address) || exception.has_host(host);
         match is_global(address) || self.exceptions.iter().any(known) {
             true => Ok(()),
-            false => Err(Error::Refused { host: host.to_owned(), address }),
+            false => {
+                tracing::info!(host, %address, "an address is refused: it is not the internet's");
+                Err(Error::Refused { host: host.to_owned(), address })
+            }
         }
     }
 }

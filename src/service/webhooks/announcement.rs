@@ -87,7 +87,7 @@ async fn insert(
     Ok(id)
 }
 
-/// Tells an endpoint that there is nothing to tell: once, whatever it answers. `None` when `tenant` has no such endpoint, or it is
+/// Tells an endpoint that there is nothing to tell: once, whatever it answers. While one such waits, it is that. `None` when `tenant` has no such endpoint, or it is
 /// disabled.
 ///
 /// # Errors
@@ -99,6 +99,10 @@ pub async fn ping(records: &Records, tenant: &str, webhook: &str) -> Result<Opti
                 RETURNING {now} AS now_ms";
     let held = transaction.read(sql(hold).bind(tenant).bind(webhook)).await?;
     let Some(row) = held.first() else { return Ok(None) };
+    let waiting = sql("SELECT id FROM deliveries WHERE webhook_id = $1 AND event = $2 AND state = 'waiting' LIMIT 1");
+    if let Some(waiting) = transaction.read(waiting.bind(webhook).bind(PING)).await?.first() {
+        return deliveries::get(records, webhook, &waiting.text("id")?).await;
+    }
     let body = message(PING, row.number("now_ms")?, serde_json::Map::new())?;
     let id = insert(&mut transaction, webhook, PING, None, &body).await?;
     transaction.commit().await?;

@@ -12,9 +12,10 @@ use std::time::Duration;
 use tokio::sync::{Notify, watch};
 use tokio::task::JoinSet;
 use tokio::time::{Instant, sleep};
+use tokio_util::sync::CancellationToken;
 
-/// Attempts of this process at once.
-const AT_ONCE: usize = 16;
+/// Attempts of this process at once: sockets that mostly wait.
+const AT_ONCE: usize = 64;
 /// Least time between two looks: what ends together is announced together.
 const GAP: Duration = Duration::from_millis(50);
 /// How often what was told too long ago is forgotten.
@@ -51,12 +52,12 @@ impl Dispatcher {
         self.wake.notify_one();
     }
 
-    /// Tells as long as the service lives: when this process `changes` a job, and every `poll` for what others changed and what is
-    /// due again.
-    pub async fn keep_up(self, mut changes: watch::Receiver<()>, poll: Duration) {
+    /// Tells until the service is `stopping`: when this process `changes` a job, and every `poll` for what others changed and what is
+    /// due again. Attempts that were begun are ended.
+    pub async fn keep_up(self, mut changes: watch::Receiver<()>, poll: Duration, stopping: CancellationToken) {
         let mut sending = JoinSet::new();
         let mut forget_at = Instant::now();
-        loop {
+        while !stopping.is_cancelled() {
             if let Err(error) = self.look(&mut sending).await {
                 tracing::warn!(%error, "cannot see what is to be told; trying again later");
             }
@@ -72,8 +73,10 @@ impl Dispatcher {
                 () = self.wake.notified() => {}
                 _ = sending.join_next(), if !sending.is_empty() => {}
                 () = sleep(poll) => {}
+                () = stopping.cancelled() => {}
             }
         }
+        while sending.join_next().await.is_some() {}
     }
 
     /// Announces what has ended, and begins what is due.
@@ -93,7 +96,15 @@ impl Dispatcher {
         let how = self.attempt(&sending).await;
         crash::point("deliver.answered");
         self.metrics.told(how.is_taken());
-        tracing::info!(delivery = sending.id, webhook = sending.webhook, attempt = sending.attempt, ?how, "told");
+        let Attempted { status, error, .. } = &how;
+        tracing::info!(
+            delivery = sending.id,
+            webhook = sending.webhook,
+            attempt = sending.attempt,
+            status,
+            error,
+            "told"
+        );
         // A delivery whose end is not noted is another's when its lease is over, and told again.
         match deliveries::end(&self.records, &sending, &how, &self.policy).await {
             Ok(true) => {}

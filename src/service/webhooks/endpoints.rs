@@ -103,7 +103,7 @@ pub async fn list(records: &Records, tenant: &str, before: Option<&str>, limit: 
 /// The database did not answer.
 pub async fn change(records: &Records, tenant: &str, id: &str, told: Told) -> Result<bool, Error> {
     let change = "UPDATE webhooks SET url = $1, events = $2, description = $3, disabled_why = NULL, \
-                  failing_since_ms = CASE WHEN disabled_why IS NULL THEN failing_since_ms END \
+                  failing_since_ms = CASE WHEN disabled_why IS NULL AND url = $1 THEN failing_since_ms END \
                   WHERE tenant = $4 AND id = $5";
     let change = sql(change).bind(told.url).bind(names(&told.events)).bind(told.description);
     Ok(records.write(change.bind(tenant).bind(id)).await? > 0)
@@ -117,13 +117,15 @@ pub async fn delete(records: &Records, tenant: &str, id: &str) -> Result<bool, E
     Ok(records.write(sql("DELETE FROM webhooks WHERE tenant = $1 AND id = $2").bind(tenant).bind(id)).await? > 0)
 }
 
-/// Makes a new secret; the one before signs too for `overlap`. `None` when there is no such endpoint.
+/// Makes a new secret; the one before signs too for `overlap`. Where one before still does, it goes on: an answer that was lost and
+/// asked for again leaves the receiver the secret it has. `None` when there is no such endpoint.
 ///
 /// # Errors
 /// As [`create`].
 pub async fn rotate(records: &Records, tenant: &str, id: &str, overlap: Duration) -> Result<Option<String>, Error> {
     let secret = signature::secret()?;
-    let rotate = "UPDATE webhooks SET old_secret = secret, old_secret_until_ms = {now} + $1, secret = $2 \
+    let rotate = "UPDATE webhooks SET \
+                  old_secret = CASE WHEN old_secret_until_ms > {now} THEN old_secret ELSE secret END, old_secret_until_ms = {now} + $1, secret = $2 \
                   WHERE tenant = $3 AND id = $4";
     let overlap_ms = i64::try_from(overlap.as_millis()).unwrap_or(i64::MAX);
     let rotate = sql(rotate).bind(overlap_ms).bind(secret.as_str()).bind(tenant).bind(id);

@@ -81,7 +81,7 @@ pub struct Policy {
 }
 
 impl Default for Policy {
-    /// The waits that the standard gives as an example: three days in all.
+    /// The waits that the standard gives as an example: three days in all, and up to a fifth more.
     fn default() -> Policy {
         let hours = [2, 5, 10, 14, 20, 24].map(Duration::from_hours);
         let first = [Duration::from_secs(5), Duration::from_mins(5), Duration::from_mins(30)];

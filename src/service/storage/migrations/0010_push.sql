@@ -44,5 +44,6 @@ CREATE TABLE deliveries (
 );
 
 CREATE INDEX deliveries_due ON deliveries (due_ms) WHERE state = 'waiting';
+CREATE INDEX deliveries_sent ON deliveries (lease_until_ms) WHERE lease_until_ms IS NOT NULL;
 CREATE INDEX deliveries_webhook ON deliveries (webhook_id, id);
 CREATE INDEX deliveries_created ON deliveries (created_ms);

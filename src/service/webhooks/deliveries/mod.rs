@@ -1,15 +1,22 @@
 //! Rows of deliveries: what is to be told to whom, and how that went. A delivery is claimed as a job is, and ended by whoever holds
 //! its fence.
 
+#[cfg(test)]
+mod tests;
+
 use super::super::storage::Error;
 use super::super::storage::records::{Records, Row, Transaction, sql};
 use super::{PING, Policy};
 use std::time::Duration;
 
-/// Attempts at one endpoint at once: a slow one keeps the others waiting no longer than that.
-const AT_ONCE: i64 = 4;
+/// Attempts at one endpoint at once, in all processes together; at one whose last attempt failed, one.
+const OF_AN_ENDPOINT: i64 = 4;
+/// Attempts at all endpoints of one tenant at once: fewer than one process makes, so that slow ones keep no others waiting.
+const OF_A_TENANT: i64 = 16;
 /// Over the longest attempt, until a claim is another's.
 const SLACK: Duration = Duration::from_secs(15);
+/// Rows forgotten in one go.
+const BATCH: i64 = 1000;
 
 /// Longest rest that an endpoint may ask for.
 const LONGEST_REST: Duration = Duration::from_hours(24);
@@ -107,12 +114,18 @@ pub async fn claim(records: &Records, longest: Duration) -> Result<Option<Sendin
     let claim = "UPDATE deliveries SET fence = fence + 1, attempt = attempt + 1, attempted_ms = {now}, \
                  lease_until_ms = {now} + $1 WHERE id = (SELECT id FROM deliveries WHERE state = 'waiting' \
                  AND due_ms <= {now} AND COALESCE(lease_until_ms, 0) <= {now} AND webhook_id NOT IN \
-                 (SELECT webhook_id FROM deliveries WHERE state = 'waiting' AND lease_until_ms > {now} \
-                  GROUP BY webhook_id HAVING COUNT(*) >= $2) \
+                 (SELECT id FROM webhooks WHERE disabled_why IS NOT NULL UNION ALL \
+                  SELECT sent.webhook_id FROM deliveries sent JOIN webhooks ON webhooks.id = sent.webhook_id \
+                  WHERE sent.lease_until_ms > {now} GROUP BY sent.webhook_id \
+                  HAVING COUNT(*) >= CASE WHEN MAX(webhooks.failing_since_ms) IS NULL THEN $2 ELSE 1 END UNION ALL \
+                  SELECT id FROM webhooks WHERE tenant IN (SELECT webhooks.tenant FROM deliveries sent \
+                  JOIN webhooks ON webhooks.id = sent.webhook_id WHERE sent.lease_until_ms > {now} \
+                  GROUP BY webhooks.tenant HAVING COUNT(*) >= $3)) \
                  ORDER BY due_ms, id LIMIT 1 {skip_locked}) \
                  RETURNING id, webhook_id, event, fence, attempt, body, {now} AS now_ms";
     let mut transaction = records.begin().await?;
-    let claimed = transaction.read(sql(claim).bind(ms(longest + SLACK)).bind(AT_ONCE)).await?;
+    let claim = sql(claim).bind(ms(longest + SLACK)).bind(OF_AN_ENDPOINT).bind(OF_A_TENANT);
+    let claimed = transaction.read(claim).await?;
     let Some(row) = claimed.first() else { return Ok(None) };
     let webhook = row.text("webhook_id")?;
     let select = "SELECT url, secret, CASE WHEN old_secret_until_ms > {now} THEN old_secret END AS other_secret \
@@ -142,53 +155,67 @@ pub async fn recover(records: &Records) -> Result<(), Error> {
     Ok(())
 }
 
-/// Notes how an attempt went, and disables an endpoint that is gone or has taken nothing for too long: what waits for it has then
-/// failed. False when the attempt was another's by then.
+/// Notes how an attempt went, and disables an endpoint that is gone, or that has taken nothing for too long and not this at the last
+/// attempt either: what waits for it has then failed. False when the attempt was another's by then.
 ///
 /// # Errors
 /// The database did not answer.
 pub async fn end(records: &Records, sending: &Sending, how: &Attempted, policy: &Policy) -> Result<bool, Error> {
     let mut transaction = records.begin().await?;
     // The endpoint before its deliveries, everywhere: two that end at once wait for each other in this order only.
+    transaction.write(sql(HOLD).bind(sending.webhook.as_str())).await?;
+    let ours = "UPDATE deliveries SET lease_until_ms = NULL WHERE id = $1 AND fence = $2 AND state = 'waiting'";
+    if transaction.write(sql(ours).bind(sending.id.as_str()).bind(sending.fence)).await? == 0 {
+        return Ok(false);
+    }
+    let wait = wait(sending, how, policy);
     let disabled = match how.is_taken() {
         true => {
-            let well = "UPDATE webhooks SET failing_since_ms = NULL WHERE id = $1 AND failing_since_ms IS NOT NULL";
+            let well = "UPDATE webhooks SET failing_since_ms = NULL WHERE id = $1";
             transaction.write(sql(well).bind(sending.webhook.as_str())).await?;
             false
         }
-        false => failed(&mut transaction, sending, how, policy).await?,
+        false => failed(&mut transaction, sending, how, wait.is_none(), policy).await?,
     };
-    let (state, wait) = match (how.is_taken(), wait(sending, how, policy)) {
+    let (state, wait) = match (how.is_taken(), wait) {
         (true, _) => (DELIVERED, Duration::ZERO),
         (false, Some(wait)) if !disabled => (WAITING, wait),
         (false, _) => (FAILED, Duration::ZERO),
     };
-    let end = "UPDATE deliveries SET state = $1, due_ms = {now} + $2, lease_until_ms = NULL, status = NULLIF($3, -1), \
-               answer = $4, error = $5 WHERE id = $6 AND fence = $7 AND state = 'waiting'";
+    let end = "UPDATE deliveries SET state = $1, due_ms = {now} + $2, status = NULLIF($3, -1), answer = $4, error = $5 \
+               WHERE id = $6";
     let end = sql(end).bind(state).bind(ms(wait)).bind(how.status.map_or(-1, i64::from)).bind(how.answer.as_deref());
-    let end = end.bind(how.error.as_deref()).bind(sending.id.as_str()).bind(sending.fence);
-    let ended = transaction.write(end).await? > 0;
+    transaction.write(end.bind(how.error.as_deref()).bind(sending.id.as_str())).await?;
     if disabled {
         let forgo = "UPDATE deliveries SET state = 'failed', error = 'the endpoint was disabled' \
                      WHERE webhook_id = $1 AND state = 'waiting'";
         transaction.write(sql(forgo).bind(sending.webhook.as_str())).await?;
     }
     transaction.commit().await?;
-    Ok(ended)
+    Ok(true)
 }
 
-/// Notes that an endpoint did not take something; whether it is disabled for it.
+/// Holds an endpoint that is told: nobody else judges it before this transaction ends.
+const HOLD: &str = "UPDATE webhooks SET id = id WHERE id = $1";
+
+/// Notes that an endpoint did not take something; whether it is disabled for it. A ping that fails says nothing of the endpoint's
+/// work: somebody is trying it out.
 async fn failed(
     transaction: &mut Transaction,
     sending: &Sending,
     how: &Attempted,
+    is_last: bool,
     policy: &Policy,
 ) -> Result<bool, Error> {
+    if sending.event == PING && !how.is_gone() {
+        return Ok(false);
+    }
     let failed = "UPDATE webhooks SET failing_since_ms = COALESCE(failing_since_ms, {now}), \
-                  disabled_why = CASE WHEN $1 = 1 THEN 'it answered 410 Gone' WHEN failing_since_ms <= {now} - $2 \
-                  THEN 'it has taken nothing for too long' END \
-                  WHERE id = $3 AND disabled_why IS NULL RETURNING disabled_why";
-    let failed = sql(failed).bind(i64::from(how.is_gone())).bind(ms(policy.give_up)).bind(sending.webhook.as_str());
+                  disabled_why = CASE WHEN $1 = 1 THEN 'it answered 410 Gone' \
+                  WHEN $2 = 1 AND failing_since_ms <= {now} - $3 THEN 'it has taken nothing for too long' END \
+                  WHERE id = $4 AND disabled_why IS NULL RETURNING disabled_why";
+    let failed = sql(failed).bind(i64::from(how.is_gone())).bind(i64::from(is_last)).bind(ms(policy.give_up));
+    let failed = failed.bind(sending.webhook.as_str());
     let rows = transaction.read(failed).await?;
     let why = rows.first().map(|row| row.optional_text("disabled_why")).transpose()?.flatten();
     if let Some(why) = &why {
@@ -211,15 +238,23 @@ fn wait(sending: &Sending, how: &Attempted, policy: &Policy) -> Option<Duration>
     Some((*wait + jitter).max(asked.min(LONGEST_REST)))
 }
 
-/// Tells it again, at once and from its first attempt, whatever came of it. False when there is no such delivery to an endpoint of
-/// `tenant` that is told anything.
+/// Tells it again, at once and from its first attempt, whatever came of it or is coming of it. False when there is no such delivery
+/// to an endpoint of `tenant` that is told anything.
 ///
 /// # Errors
 /// The database did not answer.
 pub async fn redeliver(records: &Records, tenant: &str, webhook: &str, id: &str) -> Result<bool, Error> {
-    let again = "UPDATE deliveries SET state = 'waiting', attempt = 0, due_ms = {now} WHERE webhook_id = $1 AND id = $2 \
-                 AND webhook_id IN (SELECT id FROM webhooks WHERE tenant = $3 AND disabled_why IS NULL)";
-    Ok(records.write(sql(again).bind(webhook).bind(id).bind(tenant)).await? > 0)
+    let mut transaction = records.begin().await?;
+    // Not disabled meanwhile: what waits for a disabled endpoint would wait for ever.
+    let hold = sql("UPDATE webhooks SET id = id WHERE id = $1 AND tenant = $2 AND disabled_why IS NULL");
+    if transaction.write(hold.bind(webhook).bind(tenant)).await? == 0 {
+        return Ok(false);
+    }
+    let again = "UPDATE deliveries SET state = 'waiting', attempt = 0, due_ms = {now}, fence = fence + 1, \
+                 lease_until_ms = NULL WHERE webhook_id = $1 AND id = $2";
+    let again = transaction.write(sql(again).bind(webhook).bind(id)).await? > 0;
+    transaction.commit().await?;
+    Ok(again)
 }
 
 /// A delivery to the endpoint `webhook`, whose tenant is known.
@@ -262,8 +297,17 @@ fn delivery(row: &Row) -> Result<Delivery, Error> {
 /// # Errors
 /// The database did not answer.
 pub async fn forget(records: &Records, keep: Duration) -> Result<u64, Error> {
-    let old = "DELETE FROM deliveries WHERE created_ms <= {now} - $1 AND state <> 'waiting'";
-    records.write(sql(old).bind(ms(keep))).await
+    let old = "DELETE FROM deliveries WHERE id IN (SELECT id FROM deliveries WHERE created_ms <= {now} - $1 \
+               AND state <> 'waiting' LIMIT $2)";
+    let mut forgotten = 0;
+    // In pieces: one statement for all of them would hold up everybody, and may take longer than a statement may.
+    loop {
+        let rows = records.write(sql(old).bind(ms(keep)).bind(BATCH)).await?;
+        forgotten += rows;
+        if rows < BATCH.unsigned_abs() {
+            return Ok(forgotten);
+        }
+    }
 }
 
 /// Deliveries that wait, in all processes together.
@@ -277,38 +321,4 @@ pub async fn backlog(records: &Records) -> Result<u64, Error> {
 
 fn ms(time: Duration) -> i64 {
     i64::try_from(time.as_millis()).unwrap_or(i64::MAX)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn sending(attempt: i64, event: &str) -> Sending {
-        // The random part is 500 of 1000: half of the jitter.
-        let id = "0190b5a0-0000-7000-8000-0000000001f4".to_owned();
-        let (webhook, body, url) = (String::new(), String::new(), String::new());
-        Sending { id, webhook, fence: 1, attempt, event: event.into(), body, url, secrets: Vec::new(), timestamp_s: 0 }
-    }
-
-    #[test]
-    fn attempts_come_ever_later_and_end_and_the_endpoint_is_heard() {
-        let policy = Policy::default();
-        let waited = |attempt, how: &Attempted| wait(&sending(attempt, "job.failed"), how, &policy);
-        let refused = Attempted { status: Some(500), ..Attempted::default() };
-        // 5 s and a tenth, 5 min and a tenth, .. 24 h and a tenth, and no more.
-        assert_eq!(waited(1, &refused), Some(Duration::from_millis(5500)));
-        assert_eq!(waited(2, &refused), Some(Duration::from_secs(330)));
-        assert_eq!(waited(9, &refused), Some(Duration::from_secs(24 * 3960)));
-        assert_eq!(waited(10, &refused), None);
-        let later = |status, s| Attempted {
-            status: Some(status),
-            retry_after: Some(Duration::from_secs(s)),
-            ..refused.clone()
-        };
-        assert_eq!(waited(1, &later(503, 120)), Some(Duration::from_secs(120)));
-        assert_eq!(waited(1, &later(429, 1)), Some(Duration::from_millis(5500)));
-        assert_eq!(waited(1, &later(500, 120)), Some(Duration::from_millis(5500)), "only where it means that");
-        assert_eq!(waited(1, &later(503, u64::MAX)), Some(Duration::from_hours(24)), "but not for ever");
-        assert_eq!(wait(&sending(1, PING), &refused, &policy), None);
-    }
 }
