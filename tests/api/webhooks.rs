@@ -113,6 +113,7 @@ async fn whoever_wants_to_hears_how_a_job_has_ended() {
     assert!(!String::from_utf8(told.body).unwrap().contains("whsec_"), "a secret is told once");
 
     let cancelled = site.post(&format!("/v1/jobs/{goes}/cancel"), &json!({})).await.json();
+    receiver.until(1).await;
     gate.open();
     let succeeded = site.until_state(&running, "succeeded").await;
     let heard = receiver.until(2).await;
