@@ -83,6 +83,8 @@ fn spoken(request: &Request) -> Result<(), Problem> {
     match found {
         Some(VERSION) => Ok(()),
         None if matches!(*request.method(), Method::GET | Method::HEAD | Method::DELETE | Method::OPTIONS) => Ok(()),
+        // A method that tus has not is refused as such.
+        _ if matches!(*request.method(), Method::PUT | Method::TRACE | Method::CONNECT) => Ok(()),
         other => Err(Problem::tus_version(other)),
     }
 }
