@@ -1,4 +1,4 @@
-"""Schemathesis against the running service, without keys and with one. `fuzz.py [CASES] [SEED]`."""
+"""Schemathesis against the running service, without keys and with one. `fuzz.py [CASES] [SEED] [what else schemathesis is told]`."""
 
 import os
 import subprocess
@@ -31,7 +31,7 @@ def seed(service, folder):
         (folder / name).write_text((HERE / name).read_text())
 
 
-def fuzz(keys, cases, seed_number):
+def fuzz(keys, cases, seed_number, others):
     """Whether all checks passed."""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "fuzz"
@@ -39,7 +39,7 @@ def fuzz(keys, cases, seed_number):
             folder.mkdir()
             seed(service, folder)
             command = [sys.executable, "-m", "schemathesis.cli", "--config-file", folder / "schemathesis.toml", "run"]
-            command += [service.url + "/openapi.json", "--max-examples", cases, "--seed", seed_number]
+            command += [service.url + "/openapi.json", "--max-examples", cases, "--seed", seed_number, *others]
             if keys:
                 command += ["--header", f"Authorization: Bearer {service.key}"]
             else:
@@ -55,7 +55,8 @@ def fuzz(keys, cases, seed_number):
 
 
 if __name__ == "__main__":
-    cases, seed_number = (int(word) for word in (*sys.argv[1:], *["10", "1"][len(sys.argv) - 1 :]))
+    words = sys.argv[1:] + ["10", "1"][len(sys.argv) - 1 :]
+    cases, seed_number = int(words[0]), int(words[1])
     print(f"{cases} cases per operation, seed {seed_number}", flush=True)
-    passed = [fuzz(keys, cases, seed_number) for keys in (False, True)]
+    passed = [fuzz(keys, cases, seed_number, words[2:]) for keys in (False, True)]
     sys.exit(0 if all(passed) else 1)

@@ -336,9 +336,9 @@ fn a_store_without_room_says_so_and_keeps_what_it_has() {
         return;
     }
     let (world, mut ledger) = (World::new(), Ledger::default());
-    // A file of this process may have 6 MiB: no privilege is needed for that, and a part of 7 MiB has no room.
+    // A file of this process may have 3 MiB: no privilege is needed for that, and a part of 4 MiB has no room.
     let mut shell = Command::new("sh");
-    shell.args(["-c", "trap '' XFSZ; ulimit -f $((6 * 2048)); exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_lampwright")]);
+    shell.args(["-c", "trap '' XFSZ; ulimit -f $((3 * 2048)); exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_lampwright")]);
     let node = world.spawn(&mut shell, &TIDY, None);
     let job = ledger.job(&node, &ray_file(1));
     let large = ray_file_of(7 * (1 << 20) / 28, 2);

@@ -39,6 +39,8 @@ const EXTENSION: HeaderName = HeaderName::from_static("tus-extension");
 const MAX_SIZE: HeaderName = HeaderName::from_static("tus-max-size");
 const CHECKSUM_ALGORITHM: HeaderName = HeaderName::from_static("tus-checksum-algorithm");
 
+const METHODS: [Method; 6] = [Method::GET, Method::HEAD, Method::DELETE, Method::OPTIONS, Method::POST, Method::PATCH];
+
 /// What pages of other origins may see of an answer.
 pub const SEEN: [HeaderName; 10] =
     [RESUMABLE, OFFSET, LENGTH, DEFER_LENGTH, METADATA, EXPIRES, VERSIONS, EXTENSION, MAX_SIZE, CHECKSUM_ALGORITHM];
@@ -82,7 +84,9 @@ fn spoken(request: &Request) -> Result<(), Problem> {
     let found = request.headers().get(RESUMABLE).map(|version| version.to_str().unwrap_or("?"));
     match found {
         Some(VERSION) => Ok(()),
-        None if matches!(*request.method(), Method::GET | Method::HEAD | Method::DELETE | Method::OPTIONS) => Ok(()),
+        None if !matches!(*request.method(), Method::POST | Method::PATCH) => Ok(()),
+        // A method that tus has not is refused as such.
+        _ if !METHODS.contains(request.method()) => Ok(()),
         other => Err(Problem::tus_version(other)),
     }
 }
