@@ -22,7 +22,11 @@ def seed(service, folder):
     jobs = [service.job(ray_set) for ray_set in ray_sets]
     for job in jobs:
         service.succeeded(job)
-    for name, ids in [("ray_sets", ray_sets), ("spectra", spectra), ("jobs", jobs)]:
+    uploads = [service.upload(10_000) for _ in range(SEEDS)]
+    webhooks = [service.webhook() for _ in range(SEEDS)]
+    deliveries = [service.delivery(webhook) for webhook in webhooks]
+    things = {"ray_sets": ray_sets, "spectra": spectra, "jobs": jobs, "uploads": uploads}
+    for name, ids in [*things.items(), ("webhooks", webhooks), ("deliveries", deliveries)]:
         (folder / f"{name}.dict").write_text("".join(f'"{id}"\n' for id in ids))
     for kind, bytes in [("rays", rays), ("spectra", SPECTRUM)]:
         (folder / kind).mkdir()

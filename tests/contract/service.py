@@ -10,7 +10,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 BINARY = os.environ.get("LAMPWRIGHT", str(ROOT / "target/debug/lampwright"))
 TENANT = "lab"
-SCOPES = ["uploads:read", "uploads:write", "jobs:read", "jobs:write", "metrics:read"]
+SCOPES = ["uploads:read", "uploads:write", "jobs:read", "jobs:write", "webhooks:read", "webhooks:write", "metrics:read"]
 # Neither asks how often nor how much: the bounds of one key are tests/api's.
 UNBOUNDED = ["--rate", "1000000", "--burst", "1000000", "--quota-queued", "1000000"]
 PATIENCE_S = 240
@@ -65,15 +65,15 @@ class Service:
     def lives(self):
         return self.process.poll() is None
 
-    def ask(self, method, path, body=None, media_type="application/json"):
-        """What a request that must succeed answers, as JSON; None for nothing."""
-        headers = {"Authorization": f"Bearer {self.key}"} if self.key else {}
+    def ask(self, method, path, body=None, media_type="application/json", more=()):
+        """What a request that must succeed answers, as JSON, or else where it leads; None for nothing."""
+        headers = dict(more) | ({"Authorization": f"Bearer {self.key}"} if self.key else {})
         if body is not None:
             headers["Content-Type"] = media_type
         body = json.dumps(body).encode() if media_type == "application/json" and body is not None else body
         request = urllib.request.Request(self.url + path, data=body, method=method, headers=headers)
         with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
-            return json.loads(answer.read() or b"null")
+            return json.loads(answer.read() or json.dumps(answer.headers["Location"]))
 
     def ray_set(self, rays):
         answer = self.ask("POST", "/v1/ray-sets?name=chip.tm25ray", rays, "application/octet-stream")
@@ -83,7 +83,19 @@ class Service:
         return self.ask("POST", "/v1/spectra?name=blue.txt", text, "application/octet-stream")["id"]
 
     def job(self, ray_set):
-        return self.ask("POST", "/v1/jobs", {"channels": [{"ray_set": ray_set}]})["id"]
+        """A job of its own, though there may be an equal one."""
+        return self.ask("POST", "/v1/jobs", {"channels": [{"ray_set": ray_set}], "reuse": False})["id"]
+
+    def upload(self, byte_count):
+        """A file of which no byte has come."""
+        head = {"Tus-Resumable": "1.0.0", "Upload-Length": str(byte_count)}
+        return self.ask("POST", "/v1/uploads", more=head).rsplit("/", 1)[1]
+
+    def webhook(self):
+        return self.ask("POST", "/v1/webhooks", {"url": "https://receiver.invalid/"})["id"]
+
+    def delivery(self, webhook):
+        return self.ask("POST", f"/v1/webhooks/{webhook}/ping", {})["id"]
 
     def succeeded(self, job):
         """Waits for the end of a job, which must be a good one."""

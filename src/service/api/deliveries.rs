@@ -2,7 +2,7 @@
 
 use super::super::access::Access;
 use super::super::webhooks::announcement;
-use super::super::webhooks::deliveries::{self, Delivery as Row};
+use super::super::webhooks::deliveries::{self, Delivery as Row, State as DeliveryState};
 use super::Api;
 use super::extract::{Page, Path, Query, cut};
 use super::problem::Problem;
@@ -22,20 +22,26 @@ pub struct Delivery {
     /// What is told: an event, or `ping`.
     event: String,
     /// Of which job; null for a ping.
+    #[schema(required)]
     job: Option<String>,
-    /// Where it is: waiting, delivered or failed.
-    state: String,
+    /// Where it is.
+    state: DeliveryState,
     /// Attempts so far.
     attempt: i64,
     /// When the next is due, epoch ms; null unless it waits.
+    #[schema(required)]
     due_ms: Option<i64>,
     /// When the last was made, epoch ms.
+    #[schema(required)]
     attempted_ms: Option<i64>,
     /// The HTTP status that it was answered with; null when nothing was.
+    #[schema(required)]
     status: Option<i64>,
     /// The beginning of what came with it.
+    #[schema(required)]
     answer: Option<String>,
     /// Why nothing was answered.
+    #[schema(required)]
     error: Option<String>,
     /// When it was announced, epoch ms.
     created_ms: i64,
@@ -47,6 +53,7 @@ pub struct DeliveryList {
     /// One page of them.
     deliveries: Vec<Delivery>,
     /// The `after` of the next page; null on the last.
+    #[schema(required)]
     next: Option<String>,
 }
 

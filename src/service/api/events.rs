@@ -87,6 +87,7 @@ pub struct JobProgress {
     /// How often it was begun.
     attempt: u32,
     /// The stage it is in; null before the first.
+    #[schema(required)]
     stage: Option<&'static str>,
     /// How much of that stage is done, 0 to 1.
     #[schema(minimum = 0, maximum = 1)]
@@ -95,6 +96,7 @@ pub struct JobProgress {
     #[schema(minimum = 0, maximum = 1)]
     progress: f64,
     /// Place in the queue from 1, while queued.
+    #[schema(required)]
     queue_position: Option<u64>,
 }
 

@@ -38,9 +38,10 @@ pub struct JobEstimate {
     /// False: it would be refused with `job.too_large`.
     fits: bool,
     /// The equal job that it would be answered with; null where there is none, or `reuse` is false.
-    #[schema(format = Uuid)]
+    #[schema(required, format = Uuid)]
     reuses: Option<String>,
     /// How long computing it may take, s, by the service's latest jobs; null while there are none.
+    #[schema(required)]
     seconds: Option<f64>,
     /// Jobs of the tenant's line that come before it.
     jobs_ahead: u64,

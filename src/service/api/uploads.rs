@@ -31,6 +31,7 @@ pub struct Upload {
     /// How much of it is there, bytes.
     offset: u64,
     /// Length of the whole, bytes; null until it is said.
+    #[schema(required)]
     length: Option<u64>,
     /// What it is called.
     name: String,
@@ -41,6 +42,7 @@ pub struct Upload {
     /// What else was in a packed file, and why it is no ray set.
     left_out: Vec<LeftOut>,
     /// Why it was `refused`; null otherwise.
+    #[schema(required)]
     problem: Option<Problem>,
     /// When it began, epoch ms.
     created_ms: i64,
@@ -66,6 +68,7 @@ pub struct UploadList {
     /// One page of them.
     uploads: Vec<Upload>,
     /// The `after` of the next page; null on the last.
+    #[schema(required)]
     next: Option<String>,
 }
 

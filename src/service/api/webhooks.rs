@@ -69,10 +69,13 @@ pub struct Webhook {
     /// Whether it is told anything.
     enabled: bool,
     /// Why not: it answered 410, or has taken nothing for three days and not the last of ten attempts.
+    #[schema(required)]
     disabled_why: Option<String>,
     /// Since when it has taken nothing, epoch ms; null while it does.
+    #[schema(required)]
     failing_since_ms: Option<i64>,
     /// Until when the secret before signs too, epoch ms.
+    #[schema(required)]
     old_secret_until_ms: Option<i64>,
     /// When it was made, epoch ms.
     created_ms: i64,
@@ -106,6 +109,7 @@ pub struct WebhookList {
     /// One page of them.
     webhooks: Vec<Webhook>,
     /// The `after` of the next page; null on the last.
+    #[schema(required)]
     next: Option<String>,
 }
 

@@ -332,16 +332,16 @@ mod tests {
             ("file:///etc/passwd", "names no host"),
             ("https://user@example.org/", "a name or a password"),
             ("https://:secret@example.org/", "a name or a password"),
-            ("https://127.0.0.1/", "not an address of the internet"),
+            ("https://127.0.0.1/", "does not lead to an address of the internet"),
             // Loopback, as browsers read it.
-            ("https://127.1/", "not an address of the internet"),
-            ("https://2130706433/", "not an address of the internet"),
-            ("https://0x7f.0.0.1/", "not an address of the internet"),
-            ("https://0177.0.0.1/", "not an address of the internet"),
-            ("https://１２７.0.0.1/", "not an address of the internet"),
-            ("https://[::ffff:7f00:1]/", "not an address of the internet"),
-            ("https://[::1]/", "not an address of the internet"),
-            ("https://169.254.169.254/latest/meta-data", "not an address of the internet"),
+            ("https://127.1/", "does not lead to an address of the internet"),
+            ("https://2130706433/", "does not lead to an address of the internet"),
+            ("https://0x7f.0.0.1/", "does not lead to an address of the internet"),
+            ("https://0177.0.0.1/", "does not lead to an address of the internet"),
+            ("https://１２７.0.0.1/", "does not lead to an address of the internet"),
+            ("https://[::ffff:7f00:1]/", "does not lead to an address of the internet"),
+            ("https://[::1]/", "does not lead to an address of the internet"),
+            ("https://169.254.169.254/latest/meta-data", "does not lead to an address of the internet"),
         ] {
             let error = outbound.judge(wrong).unwrap_err().to_string();
             assert!(error.contains(found), "{wrong}: {error}");

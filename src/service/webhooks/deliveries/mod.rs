@@ -21,10 +21,31 @@ const BATCH: i64 = 1000;
 /// Longest rest that an endpoint may ask for.
 const LONGEST_REST: Duration = Duration::from_hours(24);
 
-/// Where a delivery is: words of its row.
-const WAITING: &str = "waiting";
-const DELIVERED: &str = "delivered";
-const FAILED: &str = "failed";
+/// Where a delivery is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+#[schema(as = DeliveryState)]
+pub enum State {
+    /// It is to be told, or told again.
+    Waiting,
+    /// The endpoint took it.
+    Delivered,
+    /// The endpoint did not take it, and is not told any more.
+    Failed,
+}
+
+impl State {
+    const ALL: [State; 3] = [State::Waiting, State::Delivered, State::Failed];
+
+    /// The word in rows and answers.
+    fn name(self) -> &'static str {
+        match self {
+            State::Waiting => "waiting",
+            State::Delivered => "delivered",
+            State::Failed => "failed",
+        }
+    }
+}
 
 /// One event for one endpoint.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -35,8 +56,8 @@ pub struct Delivery {
     pub event: String,
     /// Of which job.
     pub job: Option<String>,
-    /// waiting, delivered or failed.
-    pub state: String,
+    /// Where it is.
+    pub state: State,
     /// Attempts so far.
     pub attempt: i64,
     /// When the next is due, epoch ms, while it waits.
@@ -178,13 +199,14 @@ pub async fn end(records: &Records, sending: &Sending, how: &Attempted, policy: 
         false => failed(&mut transaction, sending, how, wait.is_none(), policy).await?,
     };
     let (state, wait) = match (how.is_taken(), wait) {
-        (true, _) => (DELIVERED, Duration::ZERO),
-        (false, Some(wait)) if !disabled => (WAITING, wait),
-        (false, _) => (FAILED, Duration::ZERO),
+        (true, _) => (State::Delivered, Duration::ZERO),
+        (false, Some(wait)) if !disabled => (State::Waiting, wait),
+        (false, _) => (State::Failed, Duration::ZERO),
     };
     let end = "UPDATE deliveries SET state = $1, due_ms = {now} + $2, status = NULLIF($3, -1), answer = $4, error = $5 \
                WHERE id = $6";
-    let end = sql(end).bind(state).bind(ms(wait)).bind(how.status.map_or(-1, i64::from)).bind(how.answer.as_deref());
+    let end =
+        sql(end).bind(state.name()).bind(ms(wait)).bind(how.status.map_or(-1, i64::from)).bind(how.answer.as_deref());
     transaction.write(end.bind(how.error.as_deref()).bind(sending.id.as_str())).await?;
     if disabled {
         let forgo = "UPDATE deliveries SET state = 'failed', error = 'the endpoint was disabled' \
@@ -277,12 +299,14 @@ pub async fn list(records: &Records, webhook: &str, before: Option<&str>, limit:
 
 fn delivery(row: &Row) -> Result<Delivery, Error> {
     let state = row.text("state")?;
+    let known = State::ALL.into_iter().find(|known| known.name() == state);
+    let state = known.ok_or_else(|| Error::Records(format!("delivery state {state:?}").into()))?;
     Ok(Delivery {
         id: row.text("id")?,
         event: row.text("event")?,
         job: row.optional_text("job_id")?,
         attempt: row.number("attempt")?,
-        due_ms: if state == WAITING { Some(row.number("due_ms")?) } else { None },
+        due_ms: if state == State::Waiting { Some(row.number("due_ms")?) } else { None },
         attempted_ms: row.optional_number("attempted_ms")?,
         status: row.optional_number("status")?,
         answer: row.optional_text("answer")?,
