@@ -6,7 +6,7 @@ from pathlib import Path
 import schemathesis
 from hypothesis import strategies
 from schemathesis.core.failures import MalformedJson
-from schemathesis.openapi.checks import RejectedPositiveData
+from schemathesis.openapi.checks import MissingHeaderNotRejected, RejectedPositiveData
 
 FILES = Path(os.environ["CONTRACT_FILES"])
 FITTING = {"upload_ray_set": "rays", "upload_spectrum": "spectra"}
@@ -43,6 +43,9 @@ def before_generate_body(context, strategy):
 def filter_failure(context, failure, case, response):
     """A request of the right form may be refused for what it means; for its form it may not. A part of a JSON file is no JSON."""
     if isinstance(failure, MalformedJson) and response.status_code == 206:
+        return False
+    # tus 1.0: a request in another version is not looked at any further, so that a missing key is not seen.
+    if isinstance(failure, MissingHeaderNotRejected) and response.status_code == 412:
         return False
     if not isinstance(failure, RejectedPositiveData) or not 400 <= response.status_code < 500:
         return True

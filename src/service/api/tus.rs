@@ -39,8 +39,6 @@ const EXTENSION: HeaderName = HeaderName::from_static("tus-extension");
 const MAX_SIZE: HeaderName = HeaderName::from_static("tus-max-size");
 const CHECKSUM_ALGORITHM: HeaderName = HeaderName::from_static("tus-checksum-algorithm");
 
-const METHODS: [Method; 6] = [Method::GET, Method::HEAD, Method::DELETE, Method::OPTIONS, Method::POST, Method::PATCH];
-
 /// What pages of other origins may see of an answer.
 pub const SEEN: [HeaderName; 10] =
     [RESUMABLE, OFFSET, LENGTH, DEFER_LENGTH, METADATA, EXPIRES, VERSIONS, EXTENSION, MAX_SIZE, CHECKSUM_ALGORITHM];
@@ -85,9 +83,19 @@ fn spoken(request: &Request) -> Result<(), Problem> {
     match found {
         Some(VERSION) => Ok(()),
         None if !matches!(*request.method(), Method::POST | Method::PATCH) => Ok(()),
-        // A method that tus has not is refused as such.
-        _ if !METHODS.contains(request.method()) => Ok(()),
+        _ if !is_route(request) => Ok(()),
         other => Err(Problem::tus_version(other)),
+    }
+}
+
+/// Whether anything is behind its method: where nothing is, that is what it is told, in any version.
+fn is_route(request: &Request) -> bool {
+    let is_list = request.uri().path() == PATH;
+    match *request.method() {
+        Method::GET | Method::HEAD => true,
+        Method::POST => is_list,
+        Method::DELETE | Method::PATCH => !is_list,
+        _ => false,
     }
 }
 

@@ -111,7 +111,7 @@ fn address(id: &str) -> String {
 #[utoipa::path(
     post, path = "/v1/uploads", tag = "uploads", operation_id = "create_upload",
     params(
-        ("Tus-Resumable" = String, Header, description = "`1.0.0`"),
+        ("Tus-Resumable" = String, Header, pattern = "^1[.]0[.]0$", description = "`1.0.0`"),
         ("Upload-Length" = Option<u64>, Header, description = "length of the whole, bytes"),
         ("Upload-Defer-Length" = Option<String>, Header, description = "`1`: the length is said later"),
         ("Upload-Metadata" = Option<String>, Header, description = "`key base64,key base64,..`"),
@@ -198,7 +198,7 @@ async fn append_first(
     patch, path = "/v1/uploads/{id}", tag = "uploads", operation_id = "append_to_upload",
     params(
         ("id" = String, Path, description = "the upload"),
-        ("Tus-Resumable" = String, Header, description = "`1.0.0`"),
+        ("Tus-Resumable" = String, Header, pattern = "^1[.]0[.]0$", description = "`1.0.0`"),
         ("Upload-Offset" = u64, Header, description = "how much of it is there, bytes"),
         ("Upload-Length" = Option<u64>, Header, description = "length of the whole, where it was left open, bytes"),
         ("Upload-Checksum" = Option<String>, Header, description = "`sha1 <base64>` or `sha256 <base64>` of the body"),
