@@ -10,6 +10,8 @@ pub mod metrics;
 pub mod access;
 /// Points at which a test makes the process die.
 pub mod crash;
+/// Bytes, written.
+mod hex;
 /// Moments, written.
 pub mod calendar;
 /// Which cryptography TLS uses.

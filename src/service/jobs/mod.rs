@@ -16,6 +16,8 @@ pub mod queue;
 pub mod submit;
 /// Who is next.
 mod claim;
+/// What becomes of jobs whose worker was lost.
+mod recovery;
 /// Tells clients that their jobs change.
 pub mod watcher;
 /// Takes jobs from the queue and computes them.

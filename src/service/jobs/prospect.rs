@@ -1,11 +1,11 @@
 //! What is known of a job before it is queued: whether its channels can be one source, what it will need, and what its
 //! artifacts will follow from.
 
+use super::super::hex::hex;
 use super::super::storage::records::Records;
 use super::super::storage::{self, ray_sets, spectra};
 use super::channels::{Channel, NewJob, TotalFlux};
 use super::queue::Error;
-use super::worker::hex;
 use crate::pipeline::{self, Claims, Declared};
 use serde::Serialize;
 use sha2::{Digest, Sha256};

@@ -2,12 +2,12 @@
 //! All of it in one transaction, which holds the tenant's row: two requests at once come one after the other.
 
 use super::super::crash;
-use super::super::storage::records::{Row, Statement, Transaction, sql};
+use super::super::hex::hex;
+use super::super::storage::records::{Row, Statement, Transaction, ms, sql};
 use super::super::storage::{self, new_id};
 use super::channels::{Channel, NewJob};
 use super::prospect::Prospect;
 use super::queue::{Error, Queue, json};
-use super::worker::hex;
 use sha2::{Digest, Sha256};
 use std::time::Duration;
 
@@ -159,7 +159,7 @@ impl Queue {
     /// The database did not answer.
     pub async fn forget_keys(&self) -> Result<u64, storage::Error> {
         let forget = sql("DELETE FROM idempotency_keys WHERE created_ms <= {now} - $1");
-        self.storage.records.write(forget.bind(life_ms())).await
+        self.storage.records.write(forget.bind(ms(KEY_LIFE))).await
     }
 }
 
@@ -195,15 +195,11 @@ fn declared(channel: &Channel) -> Result<String, storage::Error> {
     json(&declared)
 }
 
-fn life_ms() -> i64 {
-    i64::try_from(KEY_LIFE.as_millis()).unwrap_or(i64::MAX)
-}
-
 fn find(tenant: &str, keyed: &Keyed) -> Statement {
     let find = "SELECT known.request_sha256, known.job_id, known.reused, jobs.id AS present FROM idempotency_keys known \
                 LEFT JOIN jobs ON jobs.id = known.job_id \
                 WHERE known.tenant = $1 AND known.key = $2 AND known.created_ms > {now} - $3";
-    sql(find).bind(tenant).bind(keyed.key.as_str()).bind(life_ms())
+    sql(find).bind(tenant).bind(keyed.key.as_str()).bind(ms(KEY_LIFE))
 }
 
 fn told(row: &Row, keyed: &Keyed) -> Result<Queued, Error> {
