@@ -27,7 +27,7 @@ pub struct Deleted {
 /// A store did not answer. Blobs whose rows are gone are garbage, which is collected.
 pub async fn enforce(storage: &Storage, queue: &Queue, retention: &Retention) -> Result<Deleted, Error> {
     let mut deleted = Deleted::default();
-    queue.forget_keys().await?;
+    while queue.forget_keys().await? > 0 {}
     if let Some(age) = retention.jobs {
         for (tenant, id) in every(storage, ended(age)).await? {
             match queue.delete_unused(&tenant, &id, age).await {

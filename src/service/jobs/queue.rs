@@ -107,7 +107,7 @@ pub struct Queue {
     pub(super) quota: Quota,
     pub(super) memory: Memory,
     pub(super) longest: Duration,
-    threads: usize,
+    pub(super) threads: usize,
     pub(super) metrics: Metrics,
     pub(super) wake: Arc<Notify>,
     changes: watch::Sender<()>,

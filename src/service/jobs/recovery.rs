@@ -1,7 +1,8 @@
-//! What becomes of jobs whose worker was lost.
+//! What becomes of jobs whose worker was lost, and of those that nobody can begin.
 
 use super::super::storage::{self, records::sql};
 use super::Failure;
+use super::memory::needed;
 use super::queue::{Queue, json};
 
 impl Queue {
@@ -12,6 +13,25 @@ impl Queue {
     pub async fn recover(&self) -> Result<(), storage::Error> {
         self.storage.records.write(sql("UPDATE jobs SET lease_until_ms = 0 WHERE state = 'running'")).await?;
         self.sweep().await
+    }
+
+    /// Fails waiting jobs that need more memory than this process has: only right when no other process can begin them.
+    ///
+    /// # Errors
+    /// The database did not answer.
+    pub async fn give_up(&self) -> Result<(), storage::Error> {
+        let give_up = concat!(
+            "UPDATE jobs SET state = 'failed', failure = $1, finished_ms = {now}, lease_until_ms = NULL \
+             WHERE jobs.state = 'queued' AND ",
+            needed!("$3"),
+            " > $2"
+        );
+        let failure = json(&Failure::too_large(self.memory.limit_bytes()))?;
+        let failed = self.storage.records.write(self.machine(sql(give_up).bind(failure))).await?;
+        if self.told(failed) {
+            tracing::warn!(jobs = failed, "failed jobs that need more memory than there is");
+        }
+        Ok(())
     }
 
     /// Takes back jobs whose lease has ended; never those of this process, whose worker may only have been slow to beat. And
