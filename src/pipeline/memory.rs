@@ -6,7 +6,9 @@
 
 use super::Options;
 use super::artifacts::Spectra;
+use super::rays::bands::{self, Reach};
 use super::rays::channels::Claims;
+use super::rays::declared::Declared;
 
 const MIB: f64 = (1 << 20) as f64;
 /// Program, readers and small things; and the chunks of rays of each thread.
@@ -42,8 +44,7 @@ const DENSE: f64 = 4.0;
 /// The finest and the coarsest resolution that are chosen by the rays; and at least so many rays for each vertex then.
 const CHOSEN: (f64, f64) = (96.0, 8.0);
 const RAYS_PER_VERTEX: f64 = 12.0;
-/// Bands and zones unless asked for others; steps of γ as they are for a beam of 20° or more.
-const BANDS: f64 = 40.0;
+/// Zones unless asked for others; steps of γ as they are for a beam of 20° or more.
 const RAYS_PER_ZONE: f64 = 20_000.0;
 const ZONES: f64 = 16.0;
 const GAMMA_DEG: f64 = 2.5;
@@ -51,9 +52,18 @@ const C_DEG: f64 = 10.0;
 /// Columns of a file with spectral tables: one for each table.
 const TABLES: f64 = 16.0;
 
-/// Most bytes of memory that [`super::run`] is expected to need.
-pub fn estimate(files: &[&Claims], options: &Options, threads: usize) -> u64 {
-    let rays: f64 = files.iter().map(|claims| claims.ray_count as f64).sum();
+/// Most memory that a run is expected to need, bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MemoryNeed {
+    /// On as many threads as were asked for, or fewer.
+    pub bytes: u64,
+    /// At most so much more for each further thread.
+    pub thread_bytes: u64,
+}
+
+/// What [`super::run`] is expected to need.
+pub fn estimate(files: &[(&Claims, &Declared)], options: &Options, threads: usize) -> MemoryNeed {
+    let rays: f64 = files.iter().map(|(claims, _)| claims.ray_count as f64).sum();
     let spectrum = Spectrum::of(files, options);
     let (cells, vertices) = surface(rays, options.hull.resolution.map(f64::from));
     let threads = threads.max(1) as f64;
@@ -61,7 +71,10 @@ pub fn estimate(files: &[&Claims], options: &Options, threads: usize) -> u64 {
     let rest = vertices * VERTEX
         + spectrum.of_vertices(vertices, options.artifacts.spectra)
         + directions(rays, &spectrum, options);
-    (PROCESS + THREAD * threads + f64::max(hull, rest)) as u64
+    MemoryNeed {
+        bytes: (PROCESS + THREAD * threads + f64::max(hull, rest)) as u64,
+        thread_bytes: (THREAD + vertices * HULL_VERTEX_THREAD).ceil() as u64,
+    }
 }
 
 /// Cells of the lattice and vertices of the surface.
@@ -97,11 +110,10 @@ struct Spectrum {
 }
 
 impl Spectrum {
-    fn of(files: &[&Claims], options: &Options) -> Spectrum {
-        let any = |kind: &str| files.iter().any(|claims| claims.spectrum == kind);
-        let asked = options.rays.band_edges_nm.as_ref().map(|edges| edges.len().saturating_sub(1) as f64);
-        let bands = asked.unwrap_or(BANDS);
-        let by_ray = any("wavelength per ray");
+    fn of(files: &[(&Claims, &Declared)], options: &Options) -> Spectrum {
+        let by_ray = files.iter().any(|(claims, declared)| claims.by_ray(declared));
+        let reaches: Vec<Reach> = files.iter().map(|(claims, declared)| claims.reach(declared)).collect();
+        let bands = bands::most(&options.rays, &reaches);
         Spectrum { bands, columns: TABLES + if by_ray { bands } else { 0.0 }, by_ray }
     }
 
@@ -119,14 +131,19 @@ impl Spectrum {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pipeline::rays::declared::Column;
+    use crate::pipeline::vocabulary::spectrum::Table;
     use serde_json::json;
 
-    fn claims(rays: u64, spectrum: &str) -> Claims {
-        serde_json::from_value(json!({
-            "ray_count": rays, "format": "IES TM-25", "flux": {"radiant_w": 1.0, "luminous_lm": null}, "total_rule": "header",
+    /// What a file claims; where its rays have wavelengths, they are visible light.
+    fn claims(rays: u64, format: &str, spectrum: &str) -> Claims {
+        let mut claims: Claims = serde_json::from_value(json!({
+            "ray_count": rays, "format": format, "flux": {"radiant_w": 1.0, "luminous_lm": null}, "total_rule": "header",
             "has_radiant": true, "has_luminous": false, "spectrum": spectrum, "length_unit": "mm"
         }))
-        .unwrap()
+        .unwrap();
+        claims.wavelength_nm = (spectrum == "wavelength per ray").then_some((400.0, 700.0));
+        claims
     }
 
     fn with(change: impl Fn(&mut Options)) -> Options {
@@ -172,12 +189,56 @@ mod tests {
             ("four chips", 100_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(4096)), 202.0, 5.0),
             ("four chips", 1_000_000, by_ray, 2, with(|o| o.hull.resolution = Some(256)), 113.0, 10.0),
         ] {
-            let said = estimate(&[&claims(rays, spectrum)], &options, threads) as f64 / MIB;
+            let (claims, declared) = (claims(rays, "IES TM-25", spectrum), Declared::default());
+            let on = |threads| estimate(&[(&claims, &declared)], &options, threads);
+            let said = on(threads).bytes as f64 / MIB;
             println!(
                 "{source}, {rays} rays, {threads} threads: measured {measured}, said {said:.0}, {:.1} times",
                 said / measured
             );
             assert!(said >= measured && said <= most * measured, "{source}, {rays} rays: {said:.0} for {measured}");
+            for more in [1, 6, 62] {
+                let MemoryNeed { bytes, thread_bytes } = on(threads);
+                assert!(bytes + more as u64 * thread_bytes + 1 >= on(threads + more).bytes, "{source}: {more} more");
+            }
+        }
+    }
+
+    /// Default bands follow the wavelengths: 40 from 380 to 780 nm, 10 nm each, and no more than 400.
+    #[test]
+    fn bands_are_counted_where_the_light_is() {
+        let columns = [Column::X, Column::Y, Column::Z, Column::L, Column::M, Column::N, Column::Flux];
+        let named = |last: &[Column]| Declared { columns: Some([&columns, last].concat()), ..Declared::default() };
+        let table = |points: &[(f64, f64)]| Declared { spectrum: Table::new(points), ..Declared::default() };
+        let of = |claims: &Claims, declared: &Declared| {
+            let spectrum = Spectrum::of(&[(claims, declared)], &Options::default());
+            (spectrum.bands, spectrum.by_ray)
+        };
+        let [text, by_ray, plain] =
+            [("text columns", "none"), ("IES TM-25", "wavelength per ray"), ("IES TM-25", "none")]
+                .map(|(format, spectrum)| claims(1000, format, spectrum));
+        let found = |range| {
+            let mut claims = by_ray.clone();
+            claims.wavelength_nm = range;
+            claims
+        };
+        let mut tables = claims(1000, "IES TM-25", "table");
+        tables.table_range_nm = Some((300.0, 780.0));
+        let nothing = Declared::default();
+        for (claims, declared, expected) in [
+            (&plain, &nothing, (40.0, false)),
+            (&by_ray, &nothing, (40.0, true)),
+            (&found(None), &nothing, (400.0, true)),
+            (&found(Some((201.0, 999.0))), &nothing, (80.0, true)),
+            (&found(Some((300.0, 9000.0))), &nothing, (40.0, true)), // too far apart: it stays as it is
+            (&found(None), &table(&[(300.0, 1.0), (400.0, 1.0)]), (48.0, false)),
+            (&tables, &nothing, (48.0, false)),
+            (&text, &nothing, (40.0, false)),
+            (&text, &named(&[]), (40.0, false)),
+            (&text, &named(&[Column::WavelengthNm]), (400.0, true)),
+            (&text, &named(&[Column::WavelengthUm]), (400.0, true)),
+        ] {
+            assert_eq!(of(claims, declared), expected, "{claims:?} {declared:?}");
         }
     }
 }

@@ -25,6 +25,7 @@ mod memory;
 pub use artifacts::{Artifact, IesEdition, Spectra};
 pub use error::{Error, Fault, Place};
 pub use hull::Emission;
+pub use memory::MemoryNeed;
 pub use rays::channels::Claims;
 pub use rays::container::{Content, Member, Packing, packing, unpack};
 pub use rays::declared::{Column, Declared, FluxOverride, Total};
@@ -130,8 +131,9 @@ pub fn judge(files: &[(&str, &str, &Claims, &Declared)], total: Option<Total>) -
     rays::channels::judge_claims(files, total)
 }
 
-/// Most memory that [`run`] is expected to need, bytes, on `threads` threads; the files by what their headers claim.
-pub fn memory_bytes(files: &[&Claims], options: &Options, threads: usize) -> u64 {
+/// Most memory that [`run`] is expected to need on `threads` threads; the files by what their headers claim and what was
+/// declared of them.
+pub fn memory(files: &[(&Claims, &Declared)], options: &Options, threads: usize) -> MemoryNeed {
     memory::estimate(files, options, threads)
 }
 

@@ -76,6 +76,7 @@ struct Numbers {
     overdue: Gauge,
     tenants_waiting: Gauge,
     longest_tenant_queue: Gauge,
+    too_large: Gauge,
     free_bytes: Gauge,
     webhook_attempts: Family<Ended, Counter>,
     webhook_backlog: Gauge,
@@ -119,6 +120,7 @@ impl Metrics {
             overdue: Gauge::default(),
             tenants_waiting: Gauge::default(),
             longest_tenant_queue: Gauge::default(),
+            too_large: Gauge::default(),
             free_bytes: Gauge::default(),
             webhook_attempts: Family::default(),
             webhook_backlog: Gauge::default(),
@@ -230,6 +232,8 @@ impl Numbers {
         registry.register("waiting_tenants", "Tenants with waiting jobs", self.tenants_waiting.clone());
         let help = "Waiting jobs of the tenant that has most of them";
         registry.register("longest_tenant_queue", help, self.longest_tenant_queue.clone());
+        let help = "Waiting jobs that need more memory than this process has: it never begins them";
+        registry.register("jobs_too_large", help, self.too_large.clone());
         let help = "Deliveries to webhooks that wait for their next attempt: grows when endpoints take nothing";
         registry.register("webhook_backlog", help, self.webhook_backlog.clone());
         registry.register("free_bytes", "Room on the fullest local disk; -1 when unknown", self.free_bytes.clone());
@@ -249,6 +253,7 @@ impl Numbers {
         self.overdue.set(backlog.overdue.cast_signed());
         self.tenants_waiting.set(backlog.tenants_waiting.cast_signed());
         self.longest_tenant_queue.set(backlog.longest_tenant_queue.cast_signed());
+        self.too_large.set(backlog.too_large.cast_signed());
         self.webhook_backlog.set(backlog.deliveries.cast_signed());
         self.free_bytes.set(free_bytes.map_or(-1, |bytes| i64::try_from(bytes).unwrap_or(i64::MAX)));
     }

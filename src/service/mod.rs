@@ -10,6 +10,8 @@ pub mod metrics;
 pub mod access;
 /// Points at which a test makes the process die.
 pub mod crash;
+/// Bytes, written.
+mod hex;
 /// Moments, written.
 pub mod calendar;
 /// Which cryptography TLS uses.
@@ -174,6 +176,7 @@ impl Service {
             // The lock proves that whoever ran these jobs and wrote these blobs is gone. Where there is none, leases and
             // the age of what lies about say it later.
             queue.recover().await?;
+            queue.give_up().await?;
             endings::recover(&storage.records).await?;
             deliveries::recover(&storage.records).await?;
             garbage::collect(&storage, Duration::ZERO).await?;

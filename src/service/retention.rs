@@ -4,7 +4,7 @@
 use super::config::Retention;
 use super::jobs::queue::{self, Queue};
 use super::storage::ray_sets::{self, Deletion};
-use super::storage::records::{Row, Statement, sql};
+use super::storage::records::{Row, Statement, ms, sql};
 use super::storage::{Error, Storage, ray_set_folder};
 use std::time::Duration;
 use tokio::time::{MissedTickBehavior, interval};
@@ -27,7 +27,7 @@ pub struct Deleted {
 /// A store did not answer. Blobs whose rows are gone are garbage, which is collected.
 pub async fn enforce(storage: &Storage, queue: &Queue, retention: &Retention) -> Result<Deleted, Error> {
     let mut deleted = Deleted::default();
-    queue.forget_keys().await?;
+    while queue.forget_keys().await? > 0 {}
     if let Some(age) = retention.jobs {
         for (tenant, id) in every(storage, ended(age)).await? {
             match queue.delete_unused(&tenant, &id, age).await {
@@ -83,8 +83,4 @@ fn unused(age: Duration) -> Statement {
                    WHERE job_inputs.ray_set_id = ray_sets.id \
                    AND (jobs.state IN ('queued', 'running') OR jobs.created_ms > {now} - $1 OR COALESCE(jobs.used_ms, 0) > {now} - $1)) ORDER BY id LIMIT $2";
     sql(select).bind(ms(age)).bind(BATCH)
-}
-
-fn ms(age: Duration) -> i64 {
-    i64::try_from(age.as_millis()).unwrap_or(i64::MAX)
 }

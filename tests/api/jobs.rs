@@ -3,9 +3,11 @@ use crate::site::{Site, known, stores};
 use axum::http::StatusCode;
 use lampwright::service::Config;
 use lampwright::service::jobs::channels::NewJob;
+use lampwright::service::jobs::memory::Memory;
 use lampwright::service::jobs::prospect::Prospect;
 use lampwright::service::jobs::queue::{self, Claim, Queue};
 use lampwright::service::jobs::{Failure, State, TRANSITIONS};
+use lampwright::service::metrics::Metrics;
 use lampwright::service::storage::ray_sets;
 use lampwright::service::storage::records::sql;
 use serde_json::json;
@@ -213,7 +215,7 @@ async fn only_the_transitions_of_the_table_happen() {
     let (ours, theirs) = (Queue::new(storage.clone(), lease, 3), Queue::new(storage.clone(), lease, 3));
     let mut seen = Vec::new();
     for from in State::ALL {
-        for change in ["claim", "cancel", "beat", "finish", "fail", "stop", "release", "retry", "sweep"] {
+        for change in ["claim", "cancel", "beat", "finish", "fail", "stop", "release", "retry", "give_up", "sweep"] {
             for (cancel, attempt, expired) in [(0, 1, 0), (1, 1, 0), (0, 3, 1), (1, 1, 1), (0, 1, 1)] {
                 storage.records.write(sql("DELETE FROM jobs")).await.unwrap();
                 let id = enqueue(&ours, "r").await.unwrap();
@@ -236,6 +238,11 @@ async fn only_the_transitions_of_the_table_happen() {
                     "stop" => ours.stop(&claim).await.map(|_| ()).unwrap(),
                     "release" => ours.release(&claim).await.map(|_| ()).unwrap(),
                     "retry" => ours.retry(&claim).await.map(|_| ()).unwrap(),
+                    "give_up" => {
+                        storage.records.write(sql("UPDATE jobs SET memory_bytes = 2")).await.unwrap();
+                        let small = ours.clone().within(Memory::new(1, Metrics::new()), 1, lease);
+                        small.give_up().await.unwrap();
+                    }
                     // Recovery is a sweep of everything that runs.
                     _ => ours.recover().await.unwrap(),
                 }

@@ -232,9 +232,91 @@ async fn a_job_that_can_never_fit_is_refused_with_figures() {
     let refused = site.post("/v1/jobs", &new).await;
     refused.is_problem(422, "job.too_large");
     let problem = refused.json();
-    assert!(problem["detail"].as_str().unwrap().contains("5 MiB"), "{problem}");
+    assert!(problem["detail"].as_str().unwrap().contains(" may need 5 MiB together"), "{problem}");
     assert!(problem["remedy"].as_str().unwrap().contains("hull.resolution"), "{problem}");
     assert!(site.rows(sql("SELECT id FROM jobs")).await.is_empty());
     let estimate = site.post("/v1/jobs?dry_run=true", &new).await.json();
     assert_eq!((&estimate["fits"], &estimate["memory_limit_bytes"]), (&json!(false), &json!(5 << 20)), "{estimate}");
+}
+
+/// The API told what the job needs on its own threads; who computes it has others.
+#[tokio::test]
+async fn a_worker_with_more_threads_counts_what_they_need() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = stores(folder.path()).await;
+    line(&storage, "t", 1, 1, 60).await;
+    storage.records.write(sql("UPDATE jobs SET memory_threads = 2, thread_bytes = 20")).await.unwrap();
+    let on = |threads| queue(&storage).within(Memory::new(100, Metrics::new()), threads, Duration::from_secs(60));
+    assert!(claim(&on(5), 0).await.is_none(), "it needs 120");
+    assert_eq!((on(5).too_large().await.unwrap(), on(4).too_large().await.unwrap()), (1, 0));
+    for (threads, held_bytes) in [(4, 100), (3, 80), (2, 60), (1, 60)] {
+        let worker = on(threads);
+        let claim = claim(&worker, 0).await.unwrap();
+        assert_eq!(worker.memory().used_bytes(), held_bytes, "{threads} threads");
+        assert!(worker.release(&claim).await.unwrap());
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_was_queued_before_there_was_less_memory_does_not_wait_in_silence() {
+    let gate = Gate::new();
+    let mut site = Site::start(prompt()).await;
+    let ray_set = site.ray_set().await;
+    let named = |name: &str| json!({ "channels": [{"ray_set": ray_set, "name": name}] });
+    let done = site.post("/v1/jobs", &named("done")).await.id();
+    site.until_state(&done, "succeeded").await;
+    site.kill().await;
+    site.restart(held(&gate)).await;
+    let running = site.post("/v1/jobs", &named("running")).await.id();
+    site.until_state(&running, "running").await;
+    let waiting = site.post("/v1/jobs", &named("waiting")).await.id();
+    assert_eq!(site.post("/v1/jobs", &named("waiting")).await.id(), waiting);
+    site.kill().await;
+    site.config.memory_bytes = 5 << 20;
+    site.restart(prompt()).await;
+    if site.config.is_alone() {
+        for job in [&running, &waiting] {
+            let failed = site.until_state(job, "failed").await;
+            assert_eq!(failed["problem"]["code"], "job.too_large");
+            assert!(failed["problem"]["detail"].as_str().unwrap().contains(" 5 MiB"), "{failed}");
+        }
+        assert_eq!(too_large(&site).await, 0);
+    } else {
+        // Another process may have more.
+        let start = Instant::now();
+        while too_large(&site).await != 2 {
+            assert!(start.elapsed() < Duration::from_secs(20), "nobody tells");
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    }
+    site.post("/v1/jobs", &named("waiting")).await.is_problem(422, "job.too_large");
+    assert_eq!(site.post("/v1/jobs?dry_run=true", &named("waiting")).await.json()["reuses"], json!(null));
+    let again = site.post("/v1/jobs", &named("done")).await;
+    assert_eq!((again.status, again.id()), (StatusCode::OK, done), "a result needs no memory");
+}
+
+async fn too_large(site: &Site) -> i64 {
+    let text = String::from_utf8(site.get("/metrics").await.body).unwrap();
+    let number = text.lines().find_map(|line| line.strip_prefix("lampwright_jobs_too_large ")).map(str::parse);
+    number.unwrap_or_else(|| panic!("not told in {text}")).unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_waiting_job_that_fits_nobody_here_is_told_of_and_not_handed_out() {
+    let gate = Gate::new();
+    let site = Site::start_as(|config| config, held(&gate)).await;
+    let ray_set = site.ray_set().await;
+    let running = site.job(&ray_set).await;
+    site.until_state(&running, "running").await;
+    let body = json!({ "channels": [{"ray_set": ray_set, "name": "x"}] });
+    let stuck = site.post("/v1/jobs", &body).await.id();
+    assert_eq!(too_large(&site).await, 0);
+    let more = i64::try_from(site.config.memory_bytes).unwrap() + 1;
+    site.write(sql("UPDATE jobs SET memory_bytes = $1 WHERE id = $2").bind(more).bind(stuck.as_str())).await;
+    assert_eq!(too_large(&site).await, 1);
+    let other = site.post("/v1/jobs", &body).await;
+    assert!(other.status == StatusCode::ACCEPTED && other.id() != stuck, "{other:?}");
+    gate.open();
+    site.until_state(&other.id(), "succeeded").await;
+    assert_eq!(too_large(&site).await, 1);
 }

@@ -368,3 +368,64 @@ async fn a_file_that_is_here_already_is_found_by_its_digest() {
     assert!(found(&format!("sha256={}", "0".repeat(64))).await.is_empty());
     site.get("/v1/ray-sets?sha256=abc").await.is_problem(422, "request.out_of_range");
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_equal_job_may_take_as_long_as_each_who_wants_it_says() {
+    let gate = Gate::new();
+    let site = Site::start(held(&gate)).await;
+    let ray_set = site.ray_set().await;
+    let body = |name: &str, timeout_s: Option<u32>| match timeout_s {
+        Some(timeout_s) => json!({ "channels": [{"ray_set": ray_set, "name": name}], "timeout_s": timeout_s }),
+        None => json!({ "channels": [{"ray_set": ray_set, "name": name}] }),
+    };
+    let ask = async |name: &str, timeout_s| {
+        let reply = site.post("/v1/jobs", &body(name, timeout_s)).await;
+        (reply.id(), reply.status == StatusCode::OK, reply.json()["timeout_s"].clone())
+    };
+    let running = ask("running", Some(100)).await.0;
+    site.until_state(&running, "running").await;
+    for enough in [100, 99, 1] {
+        assert_eq!(ask("running", Some(enough)).await, (running.clone(), true, json!(100)));
+    }
+    // It would be stopped before those who ask now have their result.
+    let longer = ask("running", Some(101)).await;
+    assert!(longer.0 != running && !longer.1);
+    assert_eq!(ask("running", None).await, (longer.0.clone(), true, json!(null)));
+    let waiting = ask("waiting", Some(50)).await.0;
+    for (asked, holds) in [(Some(20), json!(50)), (Some(60), json!(60)), (None, json!(null)), (Some(70), json!(null))] {
+        assert_eq!(ask("waiting", asked).await, (waiting.clone(), true, holds), "{asked:?}");
+    }
+    gate.open();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_was_answered_is_answered_again_whatever_the_limits_are_now() {
+    let mut site = Site::start_as(|config| Config { job_timeout: Duration::from_secs(600), ..config }, prompt()).await;
+    let body = json!({ "channels": [{"ray_set": site.ray_set().await}], "timeout_s": 300 });
+    let first = under(&site, "k", &body).await;
+    assert_eq!(first.status, StatusCode::ACCEPTED);
+    site.until_state(&first.id(), "succeeded").await;
+    site.kill().await;
+    site.config.job_timeout = Duration::from_secs(60);
+    site.restart(prompt()).await;
+    let again = under(&site, "k", &body).await;
+    assert_eq!((again.status, again.id()), (StatusCode::ACCEPTED, first.id()));
+    under(&site, "other", &body).await.is_problem(422, "request.out_of_range");
+}
+
+#[tokio::test]
+async fn old_keys_are_forgotten_a_thousand_at_a_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = crate::site::stores(folder.path()).await;
+    let insert = "WITH RECURSIVE numbers (number) AS \
+                  (SELECT CAST(1 AS BIGINT) UNION ALL SELECT number + 1 FROM numbers WHERE number < 2503) \
+                  INSERT INTO idempotency_keys (tenant, key, request_sha256, job_id, reused, created_ms) \
+                  SELECT 't', 'k' || number, '', '', 0, {now} - CASE WHEN number > 2500 THEN 0 ELSE 86400000 END \
+                  FROM numbers";
+    storage.records.write(sql(insert)).await.unwrap();
+    let queue = Queue::new(storage.clone(), Duration::from_secs(60), 3);
+    for forgotten in [1000, 1000, 500, 0] {
+        assert_eq!(queue.forget_keys().await.unwrap(), forgotten);
+    }
+    assert_eq!(storage.records.read(sql("SELECT key FROM idempotency_keys")).await.unwrap().len(), 3);
+}

@@ -2,6 +2,8 @@
 //! lines, in code and inside macros. A rule that is not in this file, in a lint or in another test is not a rule.
 
 #[cfg(test)]
+mod building;
+#[cfg(test)]
 mod reading;
 
 use reading::{Found, House, Target};

@@ -41,6 +41,48 @@ pub fn asked(options: &Options) -> Result<Asked, Error> {
     Ok(Asked { bands, may_grow: true })
 }
 
+/// Which wavelengths a channel has, as far as that is known before its rays are read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reach {
+    /// None.
+    Nothing,
+    /// From the first to the second, nm.
+    Range(f64, f64),
+    /// Those of its rays, which nobody has looked at.
+    Unknown,
+}
+
+impl Reach {
+    fn range_nm(self) -> Option<(f64, f64)> {
+        match self {
+            Reach::Range(low, high) => Some((low, high)),
+            Reach::Nothing | Reach::Unknown => None,
+        }
+    }
+}
+
+/// From where to where the default bands go for light of `low..high`, nm; `None` where they do not follow it.
+fn widened(low: f64, high: f64) -> Option<(f64, f64)> {
+    let (from, to, step) = DEFAULT_NM;
+    let (from, to) = (from.min((low / step).floor() * step), to.max((high / step).ceil() * step));
+    let fits = from >= LIGHT_NM.0 && to <= LIGHT_NM.1 && (to - from) / step <= MOST_BANDS.0;
+    fits.then_some((from, to))
+}
+
+/// Most bands that channels with these wavelengths can get.
+pub fn most(options: &Options, reaches: &[Reach]) -> f64 {
+    if let Some(edges) = &options.band_edges_nm {
+        return edges.len().saturating_sub(1) as f64;
+    }
+    if reaches.contains(&Reach::Unknown) {
+        return MOST_BANDS.0;
+    }
+    let (from, to, step) = DEFAULT_NM;
+    let range = reaches.iter().fold(None, |range, reach| wider(range, reach.range_nm()));
+    let (from, to) = range.and_then(|(low, high)| widened(low, high)).unwrap_or((from, to));
+    (to - from) / step
+}
+
 impl Asked {
     /// The bands as asked for.
     pub fn bands(&self) -> &Bands {
@@ -57,13 +99,8 @@ impl Asked {
         let range = channels.iter().fold(None, |range, channel| wider(range, range_nm(channel)));
         let Some((low, high)) = range else { return self.bands };
         if self.may_grow {
-            let (from, to, step) = DEFAULT_NM;
-            let (from, to) = (from.min((low / step).floor() * step), to.max((high / step).ceil() * step));
-            if from >= LIGHT_NM.0
-                && to <= LIGHT_NM.1
-                && (to - from) / step <= MOST_BANDS.0
-                && let Some(bands) = Bands::regular(from, to, step)
-            {
+            let widened = widened(low, high).and_then(|(from, to)| Bands::regular(from, to, DEFAULT_NM.2));
+            if let Some(bands) = widened {
                 return bands;
             }
             let told = format!("Wavelengths from {low} to {high} nm are too far apart for the default bands.");

@@ -5,6 +5,7 @@ use super::super::vocabulary::notice::Notices;
 use super::super::vocabulary::spectrum::Table;
 use super::super::vocabulary::units::{Flux, LengthUnit};
 use super::super::{Error, error::Place};
+use super::bands::Reach;
 use super::columns;
 use super::conversion::Conversion;
 use super::declared::{Column, Declared, Total, amend};
@@ -178,6 +179,12 @@ pub struct Claims {
     length_unit: Option<String>,
     #[serde(default)]
     quantity_unknown: bool,
+    /// Wavelengths of its tables, nm.
+    #[serde(default)]
+    pub table_range_nm: Option<(f64, f64)>,
+    /// Wavelengths that were found in its rays, nm; no header has them.
+    #[serde(skip)]
+    pub wavelength_nm: Option<(f64, f64)>,
 }
 
 fn some_unit() -> Option<String> {
@@ -185,6 +192,30 @@ fn some_unit() -> Option<String> {
 }
 
 impl Claims {
+    /// Whether its rays have wavelengths of their own, as the file or the user says.
+    pub fn by_ray(&self, declared: &Declared) -> bool {
+        let has =
+            |columns: &Vec<Column>| columns.contains(&Column::WavelengthNm) || columns.contains(&Column::WavelengthUm);
+        let columns = declared.columns.as_ref().filter(|_| self.format == Format::Columns);
+        let in_rays = columns.map_or(self.spectrum == SpectralData::Wavelength.name(), has);
+        in_rays && declared.spectrum.is_none()
+    }
+
+    /// Which wavelengths its light has.
+    pub fn reach(&self, declared: &Declared) -> Reach {
+        let by_ray = self.by_ray(declared);
+        let range = match &declared.spectrum {
+            Some(table) => Some(table.range_nm()),
+            None if by_ray => self.wavelength_nm,
+            None => self.table_range_nm,
+        };
+        match range {
+            Some((low, high)) => Reach::Range(low, high),
+            None if by_ray => Reach::Unknown,
+            None => Reach::Nothing,
+        }
+    }
+
     /// Facts that lead to the same judgement as the file's own. Tables are not at hand; they are taken to be visible light, and
     /// [`super::read`] has the last word.
     fn facts(&self, declared: &Declared) -> Result<Facts, Error> {

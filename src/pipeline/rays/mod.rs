@@ -49,7 +49,7 @@ pub mod survey;
 /// Whether totals can be meant.
 mod totals;
 /// Which spectral bands a source gets.
-mod bands;
+pub mod bands;
 /// What several files must satisfy to be one source.
 pub mod channels;
 /// Several ray sets become one source; the only way to its rays.

@@ -1,7 +1,7 @@
 //! Keys: `lw_<id>_<secret>`. The id finds the row, the secret proves the bearer; of the secret only its SHA-256 is kept, which
 //! needs no salt and no slow hash because the secret is 256 bits of chance. A key is told once, when it is made.
 
-use super::super::jobs::worker::hex;
+use super::super::hex::hex;
 use super::super::storage::Error;
 use super::super::storage::records::{Records, Row, Transaction, sql};
 use super::{Access, Scope};

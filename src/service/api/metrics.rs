@@ -1,6 +1,6 @@
 //! `/metrics`, and what is counted of every request.
 
-use super::super::jobs::query;
+use super::super::jobs::query::{self, Backlog};
 use super::super::metrics::MEDIA_TYPE;
 use super::Api;
 use super::problem::Problem;
@@ -22,6 +22,7 @@ use std::time::Instant;
 )]
 pub async fn text(State(api): State<Api>) -> Result<Response, Problem> {
     let backlog = query::backlog(&api.storage.records).await?;
+    let backlog = Backlog { too_large: api.queue.too_large().await?, ..backlog };
     let text = api.metrics.text(&backlog, api.space.free_bytes());
     Ok(([(header::CONTENT_TYPE, MEDIA_TYPE)], text).into_response())
 }

@@ -412,7 +412,7 @@ fn digest(header: &str, value: &str) -> Result<Option<String>, Problem> {
     if bytes.len() != 32 {
         return Err(wrong());
     }
-    Ok(Some(super::super::jobs::worker::hex(&bytes)))
+    Ok(Some(super::super::hex::hex(&bytes)))
 }
 
 /// The file name in a `Content-Disposition` (RFC 6266), `filename*` before `filename`.

@@ -1,9 +1,9 @@
 //! `/v1/spectra`: spectra of channels, from files of their own.
 
 use super::super::access::Access;
+use super::super::hex::hex;
 use super::super::jobs::StoredNotice;
 use super::super::jobs::channels::NumberPair;
-use super::super::jobs::worker::hex;
 use super::super::storage::new_id;
 use super::super::storage::ray_sets::Deletion;
 use super::super::storage::spectra;

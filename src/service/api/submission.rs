@@ -74,7 +74,7 @@ pub struct Asking {
 /// (unknown units, W beside lm without a spectrum, shares that do not add to 1) are refused here, at the field to change.
 ///
 /// Where the tenant has an equal job that waits, runs or has succeeded, the answer is that job, with 200 and `reused`; the more
-/// urgent priority of the two holds. `"reuse": false` makes a new one in any case.
+/// urgent priority of the two holds, and the longer `timeout_s`; one that runs under a shorter one is not equal. `"reuse": false` makes a new one in any case.
 ///
 /// With an `Idempotency-Key` the request can be repeated for 24 hours: the answer has the same status and names the same job, as
 /// it is by then; once that job was deleted it is 410. With `dry_run=true` the answer is an estimate and the key means nothing.
@@ -107,17 +107,17 @@ pub async fn create(
     headers: HeaderMap,
     Body(new): Body<NewJob>,
 ) -> Result<Response, Problem> {
-    if api.draining.is_cancelled() {
-        return Err(Problem::draining());
-    }
-    in_range(&api, &new)?;
     let keyed = key(&headers)?.filter(|_| !asking.dry_run).map(|key| Keyed::new(key, &new)).transpose()?;
-    // Before anything is judged: what was said once is said again, whatever became of the ray sets.
+    // Before anything is judged: what was said once is said again, whatever became of ray sets and limits.
     if let Some(keyed) = &keyed
         && let Some(queued) = api.queue.answered(&access.tenant, keyed).await?
     {
         return answer(&api, &access, queued).await;
     }
+    if api.draining.is_cancelled() {
+        return Err(Problem::draining());
+    }
+    in_range(&api, &new)?;
     let prospect = api.queue.prospect(&access.tenant, &new).await?;
     if asking.dry_run {
         return Ok(Json(estimate(&api, &access, &new, &prospect).await?).into_response());

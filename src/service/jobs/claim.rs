@@ -4,6 +4,7 @@
 
 use super::super::crash;
 use super::super::storage::{self, records::Statement, records::sql};
+use super::memory::needed;
 use super::queue::{Claim, Queue};
 use std::time::Duration;
 use tokio::time::sleep;
@@ -12,17 +13,18 @@ use tokio::time::sleep;
 const LOOKS: u32 = 20;
 const PAUSE: Duration = Duration::from_millis(5);
 
-/// Tenants that have a job for this process and may run one more: $1 is its memory, $2 how many jobs a tenant without a quota
-/// of its own may run. Asked tenant by tenant: `EXISTS` would be, without statistics, a scan of all that waits.
+/// Tenants that have a job for this process and may run one more: $1 is its memory, $2 its threads, $3 how many jobs a tenant
+/// without a quota of its own may run. Asked tenant by tenant: `EXISTS` would be, without statistics, a scan of all that waits.
 macro_rules! servable {
     ($before:literal, $after:literal) => {
         concat!(
             $before,
             "SELECT fair.id FROM tenants fair WHERE (SELECT jobs.id FROM jobs WHERE jobs.tenant = fair.id \
-             AND jobs.state = 'queued' AND COALESCE(jobs.lease_until_ms, 0) <= {now} AND jobs.memory_bytes <= $1 \
-             ORDER BY jobs.priority, jobs.id LIMIT 1) IS NOT NULL \
+             AND jobs.state = 'queued' AND COALESCE(jobs.lease_until_ms, 0) <= {now} AND ",
+            needed!("$2"),
+            " <= $1 ORDER BY jobs.priority, jobs.id LIMIT 1) IS NOT NULL \
              AND (SELECT COUNT(*) FROM jobs WHERE jobs.tenant = fair.id AND jobs.state = 'running') \
-             < COALESCE(fair.running_jobs, $2) ",
+             < COALESCE(fair.running_jobs, $3) ",
             $after
         )
     };
@@ -33,8 +35,25 @@ const LOOK: &str = servable!("", "LIMIT 1");
 const SERVE: &str = servable!(
     "UPDATE tenants SET served_ms = {now} WHERE id = (",
     "ORDER BY (SELECT COUNT(*) FROM jobs WHERE jobs.tenant = fair.id AND jobs.state = 'running'), \
-     fair.served_ms, fair.id LIMIT 1 {skip_locked}) RETURNING id, COALESCE(running_jobs, $2) AS running_jobs"
+     fair.served_ms, fair.id LIMIT 1 {skip_locked}) RETURNING id, COALESCE(running_jobs, $3) AS running_jobs"
 );
+
+/// The first of $3's line that fits $4 bytes on $5 threads, while fewer than $6 of its jobs run. Another process may have begun
+/// one since that was looked at: they are counted again, with the tenant's row at hand.
+const TAKE: &str = concat!(
+    "UPDATE jobs SET state = 'running', attempt = attempt + 1, fence = fence + 1, lease_owner = $1, \
+     lease_until_ms = {now} + $2, stage = NULL, stage_progress = 0, started_ms = {now} \
+     WHERE id = (SELECT jobs.id FROM jobs WHERE jobs.tenant = $3 AND jobs.state = 'queued' \
+     AND COALESCE(jobs.lease_until_ms, 0) <= {now} AND ",
+    needed!("$5"),
+    " <= $4 AND (SELECT COUNT(*) FROM jobs run WHERE run.tenant = $3 AND run.state = 'running') < $6 \
+     ORDER BY jobs.priority, jobs.id LIMIT 1 {skip_locked}) \
+     RETURNING id, fence, attempt, options, timeout_ms, ",
+    needed!("$5"),
+    " AS needed_bytes"
+);
+const TOO_LARGE: &str =
+    concat!("SELECT COUNT(*) AS jobs FROM jobs WHERE jobs.state = 'queued' AND ", needed!("$2"), " > $1");
 
 /// What came of one try.
 enum Tried {
@@ -67,9 +86,23 @@ impl Queue {
         Ok(None)
     }
 
+    /// Waiting jobs that need more memory than this process has: it can never begin them.
+    ///
+    /// # Errors
+    /// The database did not answer.
+    pub async fn too_large(&self) -> Result<u64, storage::Error> {
+        let row = self.storage.records.read_one(self.machine(sql(TOO_LARGE))).await?;
+        row.map_or(Ok(0), |row| row.count("jobs"))
+    }
+
+    /// The next two values are this process's: memory, bytes; threads of a job.
+    pub(super) fn machine(&self, statement: Statement) -> Statement {
+        let statement = statement.bind(i64::try_from(self.memory.limit_bytes()).unwrap_or(i64::MAX));
+        statement.bind(i64::try_from(self.threads).unwrap_or(i64::MAX))
+    }
+
     fn servable(&self, text: &'static str) -> Statement {
-        let most = i64::try_from(self.quota.running_jobs).unwrap_or(i64::MAX);
-        sql(text).bind(i64::try_from(self.memory.limit_bytes()).unwrap_or(i64::MAX)).bind(most)
+        self.machine(sql(text)).bind(i64::try_from(self.quota.running_jobs).unwrap_or(i64::MAX))
     }
 
     async fn try_claim(&self) -> Result<Tried, storage::Error> {
@@ -77,19 +110,11 @@ impl Queue {
         let rows = transaction.read(self.servable(SERVE)).await?;
         let Some(served) = rows.first() else { return Ok(Tried::Busy) };
         let (tenant, most) = (served.text("id")?, served.number("running_jobs")?);
-        // Another process may have begun a job of this tenant since that was looked at: counted again, with its row at hand.
-        let take = "UPDATE jobs SET state = 'running', attempt = attempt + 1, fence = fence + 1, lease_owner = $1, \
-                    lease_until_ms = {now} + $2, stage = NULL, stage_progress = 0, started_ms = {now} \
-                    WHERE id = (SELECT id FROM jobs WHERE tenant = $3 AND state = 'queued' \
-                    AND COALESCE(lease_until_ms, 0) <= {now} AND memory_bytes <= $4 \
-                    AND (SELECT COUNT(*) FROM jobs run WHERE run.tenant = $3 AND run.state = 'running') < $5 \
-                    ORDER BY priority, id LIMIT 1 {skip_locked}) \
-                    RETURNING id, fence, attempt, options, memory_bytes, timeout_ms";
-        let take = sql(take).bind(self.owner.as_str()).bind(self.lease_ms).bind(tenant.as_str());
-        let take = take.bind(i64::try_from(self.memory.limit_bytes()).unwrap_or(i64::MAX)).bind(most);
+        let take = sql(TAKE).bind(self.owner.as_str()).bind(self.lease_ms).bind(tenant.as_str());
+        let take = self.machine(take).bind(most);
         let rows = transaction.read(take).await?;
         let Some(row) = rows.first() else { return Ok(Tried::Busy) };
-        let Some(held) = self.memory.hold(row.count("memory_bytes")?) else { return Ok(Tried::Full) };
+        let Some(held) = self.memory.hold(row.count("needed_bytes")?) else { return Ok(Tried::Full) };
         transaction.commit().await?;
         crash::point("claim.committed");
         self.told(1);

@@ -6,6 +6,20 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use tokio::sync::{Mutex, MutexGuard};
 
+/// What a job needs on so many threads (a `$n`), bytes, in SQL.
+macro_rules! needed {
+    ($threads:literal) => {
+        concat!(
+            "(jobs.memory_bytes + jobs.thread_bytes * (CASE WHEN ",
+            $threads,
+            " > jobs.memory_threads THEN ",
+            $threads,
+            " - jobs.memory_threads ELSE 0 END))"
+        )
+    };
+}
+pub(super) use needed;
+
 /// What the jobs of this process may need together. Cheap to clone.
 #[derive(Clone)]
 pub struct Memory {

@@ -16,6 +16,8 @@ pub mod queue;
 pub mod submit;
 /// Who is next.
 mod claim;
+/// What becomes of jobs whose worker was lost, and of those that nobody can begin.
+mod recovery;
 /// Tells clients that their jobs change.
 pub mod watcher;
 /// Takes jobs from the queue and computes them.
@@ -75,9 +77,10 @@ impl Priority {
 }
 
 /// The only legal changes, and who makes them. `queue` has a statement for each.
-pub const TRANSITIONS: [(State, State, &str); 7] = [
+pub const TRANSITIONS: [(State, State, &str); 8] = [
     (State::Queued, State::Running, "claim"),
     (State::Queued, State::Cancelled, "cancel"),
+    (State::Queued, State::Failed, "give_up, when there is less memory than before"),
     (State::Running, State::Succeeded, "finish"),
     (State::Running, State::Failed, "fail; sweep, when attempts are used up"),
     (
@@ -165,6 +168,21 @@ impl Failure {
             remedy: Some(
                 "Give it a larger timeout_s, up to the service's own; send fewer rays, or choose a lower hull.resolution, \
                  fewer zones or fewer bands; or ask the operator for more: serve --job-timeout."
+                    .into(),
+            ),
+        }
+    }
+
+    /// It was queued when there was more memory.
+    pub fn too_large(limit_bytes: u64) -> Failure {
+        Failure {
+            code: "job.too_large".into(),
+            title: "The job needs too much memory".into(),
+            detail: format!("It needs more than the {} MiB that all jobs may need together by now.", limit_bytes >> 20),
+            at: Some("options".into()),
+            remedy: Some(
+                "Choose a lower hull.resolution, fewer goniogram.zones, wider goniogram steps or fewer \
+                 rays.band_edges_nm; or ask the operator for more: serve --memory."
                     .into(),
             ),
         }

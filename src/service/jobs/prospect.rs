@@ -1,14 +1,17 @@
 //! What is known of a job before it is queued: whether its channels can be one source, what it will need, and what its
 //! artifacts will follow from.
 
+use super::super::hex::hex;
 use super::super::storage::records::Records;
-use super::super::storage::{self, ray_sets, spectra};
+use super::super::storage::{self, inspections, ray_sets, spectra};
 use super::channels::{Channel, NewJob, TotalFlux};
 use super::queue::Error;
-use super::worker::hex;
 use crate::pipeline::{self, Claims, Declared};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+
+/// Names the computation that this build has: another one may give other bytes (`build.rs`).
+pub const PIPELINE: &str = env!("LAMPWRIGHT_PIPELINE");
 
 /// What a job will be, as the headers of its files tell.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -17,8 +20,12 @@ pub struct Prospect {
     pub ray_count: u64,
     /// Bytes of their files.
     pub byte_count: u64,
-    /// Most memory that computing it is expected to need, bytes.
+    /// Most memory that computing it is expected to need, bytes,
     pub memory_bytes: u64,
+    /// on so many threads,
+    pub memory_threads: usize,
+    /// and for each further one.
+    pub thread_bytes: u64,
     /// SHA-256 of everything its artifacts follow from, lower-case hex: equal for jobs that give the same bytes.
     pub content_sha256: Option<String>,
 }
@@ -26,7 +33,7 @@ pub struct Prospect {
 /// Everything that artifacts follow from, in one form.
 #[derive(Serialize)]
 struct Content<'a> {
-    version: &'a str,
+    pipeline: &'a str,
     channels: Vec<File<'a>>,
     options: &'a pipeline::Options,
 }
@@ -65,11 +72,14 @@ pub async fn prospect(records: &Records, tenant: &str, new: &NewJob, threads: us
         .map(|(known, name)| (name.as_str(), known.ray_set.sha256.as_str(), &known.claims, &known.declared))
         .collect();
     pipeline::judge(&files, options.rays.total)?;
-    let claims: Vec<&Claims> = known.iter().map(|known| &known.claims).collect();
+    let claims: Vec<(&Claims, &Declared)> = known.iter().map(|known| (&known.claims, &known.declared)).collect();
+    let memory = pipeline::memory(&claims, &options, threads);
     Ok(Prospect {
-        ray_count: claims.iter().map(|claims| claims.ray_count).sum(),
+        ray_count: claims.iter().map(|(claims, _)| claims.ray_count).sum(),
         byte_count: known.iter().map(|known| known.ray_set.byte_count).sum(),
-        memory_bytes: pipeline::memory_bytes(&claims, &options, threads),
+        memory_bytes: memory.bytes,
+        memory_threads: threads,
+        thread_bytes: memory.thread_bytes,
         content_sha256: Some(digest(&known, &options)?),
     })
 }
@@ -85,15 +95,32 @@ async fn look_up(records: &Records, tenant: &str, index: usize, channel: &Channe
         None => None,
     };
     let declared = channel.clone().or(&ray_set.declared).resolve(index, points.as_deref())?;
-    let claims = serde_json::from_str(&ray_set.header).map_err(unreadable)?;
+    let mut claims: Claims = serde_json::from_str(&ray_set.header).map_err(unreadable)?;
+    // Other columns than it was looked at with have other wavelengths.
+    if claims.by_ray(&declared)
+        && channel.columns.as_ref().is_none_or(|own| Some(own) == ray_set.declared.columns.as_ref())
+    {
+        claims.wavelength_nm = found(records, &ray_set.id).await?.wavelength_nm;
+    }
     Ok(Known { ray_set, claims, declared })
+}
+
+/// What the inspection of a ray set found in its rays, as far as that matters here.
+#[derive(Default, Deserialize)]
+struct Found {
+    wavelength_nm: Option<(f64, f64)>,
+}
+
+async fn found(records: &Records, ray_set: &str) -> Result<Found, storage::Error> {
+    let inspection = inspections::get(records, ray_set).await?;
+    inspection.map_or(Ok(Found::default()), |json| serde_json::from_str(&json).map_err(unreadable))
 }
 
 fn digest<'a>(known: &'a [Known], options: &'a pipeline::Options) -> Result<String, storage::Error> {
     let channel =
         |Known { ray_set, declared, .. }: &'a Known| File { sha256: &ray_set.sha256, name: &ray_set.name, declared };
     let channels = known.iter().map(channel).collect();
-    let content = Content { version: env!("CARGO_PKG_VERSION"), channels, options };
+    let content = Content { pipeline: PIPELINE, channels, options };
     Ok(hex(&Sha256::digest(serde_json::to_vec(&content).map_err(unreadable)?)))
 }
 

@@ -341,6 +341,8 @@ pub struct Backlog {
     pub overdue: u64,
     /// Tenants with waiting jobs.
     pub tenants_waiting: u64,
+    /// Waiting jobs that need more memory than this process has; not counted by [`backlog`].
+    pub too_large: u64,
     /// Waiting jobs of the tenant that has most.
     pub longest_tenant_queue: u64,
     /// Deliveries to webhooks that wait.

@@ -1,10 +1,11 @@
-//! Every change of a job's state, one statement each; the first two are in `submit.rs` and `claim.rs`. At least once begun, exactly once published: a worker's write names
-//! the fence its claim gave it, and zero rows changed means that the lease was lost and the result is nobody's.
+//! Every change of a job's state, one statement each; the first two are in `submit.rs` and `claim.rs`, those that nobody asks
+//! for in `recovery.rs`. At least once begun, exactly once published: a worker's write names the fence its claim gave it, and
+//! zero rows changed means that the lease was lost and the result is nobody's.
 
 use super::super::access::quota::{Exceeded, Quota};
 use super::super::crash;
 use super::super::metrics::Metrics;
-use super::super::storage::records::sql;
+use super::super::storage::records::{ms, sql};
 use super::super::storage::{self, Storage, job_folder, new_id};
 use super::super::webhooks::announcement;
 use super::channels::NewJob;
@@ -98,7 +99,7 @@ pub enum Beat {
 pub struct Queue {
     pub(super) storage: Storage,
     /// This process, by a name fresh per start: one that comes back would make a dead worker look alive.
-    process: String,
+    pub(super) process: String,
     /// Who claims here: a slot of this process, which has one job at a time.
     pub(super) owner: String,
     pub(super) lease_ms: i64,
@@ -106,8 +107,8 @@ pub struct Queue {
     pub(super) quota: Quota,
     pub(super) memory: Memory,
     pub(super) longest: Duration,
-    threads: usize,
-    metrics: Metrics,
+    pub(super) threads: usize,
+    pub(super) metrics: Metrics,
     pub(super) wake: Arc<Notify>,
     changes: watch::Sender<()>,
 }
@@ -115,7 +116,6 @@ pub struct Queue {
 impl Queue {
     /// The queue in `storage`, under a fresh name.
     pub fn new(storage: Storage, lease: Duration, max_attempts: u32) -> Queue {
-        let lease_ms = i64::try_from(lease.as_millis()).unwrap_or(i64::MAX);
         let process = new_id();
         let owner = format!("{process}.0");
         let metrics = Metrics::new();
@@ -123,7 +123,7 @@ impl Queue {
             storage,
             process,
             owner,
-            lease_ms,
+            lease_ms: ms(lease),
             max_attempts,
             quota: Quota::default(),
             memory: Memory::new(u64::MAX, metrics.clone()),
@@ -334,10 +334,9 @@ impl Queue {
     pub async fn delete_unused(&self, tenant: &str, id: &str, age: Duration) -> Result<(), Error> {
         let delete = "DELETE FROM jobs WHERE tenant = $1 AND id = $2 AND state IN ('succeeded', 'failed', 'cancelled') \
                       AND ($3 = 0 OR COALESCE(used_ms, 0) <= {now} - $3)";
-        let age_ms = i64::try_from(age.as_millis()).unwrap_or(i64::MAX);
         let mut transaction = self.storage.records.begin().await?;
         announcement::announce_one(&mut transaction, tenant, id).await?;
-        let deleted = transaction.write(sql(delete).bind(tenant).bind(id).bind(age_ms)).await?;
+        let deleted = transaction.write(sql(delete).bind(tenant).bind(id).bind(ms(age))).await?;
         transaction.commit().await?;
         if !self.told(deleted) {
             return Err(self.refusal(tenant, id).await?);
@@ -348,35 +347,6 @@ impl Queue {
     async fn refusal(&self, tenant: &str, id: &str) -> Result<Error, storage::Error> {
         let job = query::get(&self.storage.records, tenant, id).await?;
         Ok(job.map_or_else(|| Error::Missing(id.to_owned()), |job| Error::State(job.state)))
-    }
-
-    /// Ends the lease of every running job: only right when no other process can be running any.
-    ///
-    /// # Errors
-    /// The database did not answer.
-    pub async fn recover(&self) -> Result<(), storage::Error> {
-        self.storage.records.write(sql("UPDATE jobs SET lease_until_ms = 0 WHERE state = 'running'")).await?;
-        self.sweep().await
-    }
-
-    /// Takes back jobs whose lease has ended; never those of this process, whose worker may only have been slow to beat. And
-    /// those of this slot, which has none: their claim was made, and its answer lost with the connection.
-    pub(super) async fn sweep(&self) -> Result<(), storage::Error> {
-        let sweep = "UPDATE jobs SET \
-                     state = CASE WHEN cancel_requested = 1 THEN 'cancelled' WHEN attempt >= max_attempts \
-                             THEN 'failed' ELSE 'queued' END, \
-                     failure = CASE WHEN cancel_requested = 0 AND attempt >= max_attempts THEN $1 END, \
-                     finished_ms = CASE WHEN cancel_requested = 1 OR attempt >= max_attempts THEN {now} END, \
-                     lease_owner = NULL, lease_until_ms = NULL, stage = NULL, stage_progress = 0 \
-                     WHERE id IN (SELECT id FROM jobs WHERE state = 'running' AND (lease_owner = $2 \
-                     OR (lease_until_ms < {now} AND lease_owner NOT LIKE $3)) {skip_locked})";
-        let sweep = sql(sweep).bind(json(&Failure::worker_lost(self.max_attempts))?).bind(self.owner.as_str());
-        let swept = self.storage.records.write(sweep.bind(format!("{}.%", self.process))).await?;
-        if self.told(swept) {
-            self.metrics.leases_lost(swept);
-            tracing::warn!(jobs = swept, "took back jobs of lost workers");
-        }
-        Ok(())
     }
 }
 

@@ -2,12 +2,13 @@
 //! All of it in one transaction, which holds the tenant's row: two requests at once come one after the other.
 
 use super::super::crash;
-use super::super::storage::records::{Row, Statement, Transaction, sql};
+use super::super::hex::hex;
+use super::super::storage::records::{Row, Statement, Transaction, ms, sql};
 use super::super::storage::{self, new_id};
 use super::channels::{Channel, NewJob};
+use super::memory::needed;
 use super::prospect::Prospect;
 use super::queue::{Error, Queue, json};
-use super::worker::hex;
 use sha2::{Digest, Sha256};
 use std::time::Duration;
 
@@ -42,10 +43,34 @@ pub struct Queued {
     pub reused: bool,
 }
 
-/// Unfinished or succeeded, and nobody wants it to end.
-const EQUAL: &str = "SELECT id FROM jobs WHERE tenant = $1 AND content_sha256 = $2 \
-                     AND state IN ('queued', 'running', 'succeeded') AND cancel_requested = 0 \
-                     ORDER BY CASE state WHEN 'succeeded' THEN 0 WHEN 'running' THEN 1 ELSE 2 END, id LIMIT 1";
+/// Keys forgotten in one go.
+const BATCH: i64 = 1000;
+
+/// What gives, or gave, the same ($2) to the tenant ($1), and nobody wants it to end: it has succeeded, or runs and may take as
+/// long as is asked ($5, ms; -1: as long as any), or waits and can be begun here (with $3 bytes on $4 threads).
+macro_rules! equal {
+    ($before:literal, $after:literal) => {
+        concat!(
+            $before,
+            "SELECT jobs.id FROM jobs WHERE jobs.tenant = $1 AND jobs.content_sha256 = $2 \
+             AND jobs.cancel_requested = 0 AND (jobs.state = 'succeeded' OR (jobs.state = 'running' \
+             AND (jobs.timeout_ms IS NULL OR ($5 <> -1 AND jobs.timeout_ms >= $5))) OR (jobs.state = 'queued' AND ",
+            needed!("$4"),
+            " <= $3)) ORDER BY CASE jobs.state WHEN 'succeeded' THEN 0 WHEN 'running' THEN 1 ELSE 2 END, jobs.id LIMIT 1",
+            $after
+        )
+    };
+}
+
+const EQUAL: &str = equal!("", "");
+/// It is used now, as urgent as the more urgent of the two ($6), and while it waits it may take the longer of both times.
+/// Whoever cancels or deletes it does not hold the tenant's row: it may be another's last moment.
+const REUSE: &str = equal!(
+    "UPDATE jobs SET used_ms = {now}, priority = CASE WHEN $6 < priority THEN $6 ELSE priority END, \
+     timeout_ms = CASE WHEN state <> 'queued' THEN timeout_ms WHEN $5 = -1 THEN NULL \
+     WHEN timeout_ms < $5 THEN $5 ELSE timeout_ms END WHERE id = (",
+    ") AND state IN ('queued', 'running', 'succeeded') AND cancel_requested = 0 RETURNING id"
+);
 
 impl Queue {
     /// What a request under this key came to before, if it came.
@@ -68,7 +93,7 @@ impl Queue {
         prospect: &Prospect,
     ) -> Result<Option<String>, storage::Error> {
         let Some(content) = prospect.content_sha256.as_deref().filter(|_| new.reuse) else { return Ok(None) };
-        let row = self.storage.records.read_one(sql(EQUAL).bind(tenant).bind(content)).await?;
+        let row = self.storage.records.read_one(self.as_equal(EQUAL, tenant, content, new)).await?;
         row.map(|row| row.text("id")).transpose()
     }
 
@@ -109,7 +134,11 @@ impl Queue {
         Ok(queued)
     }
 
-    /// The job that gives, or gave, what `new` would; it is used now, and as urgent as the more urgent of the two.
+    fn as_equal(&self, text: &'static str, tenant: &str, content: &str, new: &NewJob) -> Statement {
+        self.machine(sql(text).bind(tenant).bind(content)).bind(timeout_ms(new))
+    }
+
+    /// The job that gives, or gave, what `new` would.
     async fn reused(
         &self,
         transaction: &mut Transaction,
@@ -118,13 +147,8 @@ impl Queue {
         prospect: &Prospect,
     ) -> Result<Option<String>, storage::Error> {
         let Some(content) = prospect.content_sha256.as_deref().filter(|_| new.reuse) else { return Ok(None) };
-        let rows = transaction.read(sql(EQUAL).bind(tenant).bind(content)).await?;
-        let Some(id) = rows.first().map(|row| row.text("id")).transpose()? else { return Ok(None) };
-        // Whoever cancels or deletes it does not hold the tenant's row: it may be another's last moment.
-        let reuse = "UPDATE jobs SET used_ms = {now}, priority = CASE WHEN $1 < priority THEN $1 ELSE priority END \
-                     WHERE id = $2 AND state IN ('queued', 'running', 'succeeded') AND cancel_requested = 0";
-        let reused = transaction.write(sql(reuse).bind(new.priority.number()).bind(id.as_str())).await?;
-        Ok((reused > 0).then_some(id))
+        let reuse = self.as_equal(REUSE, tenant, content, new).bind(new.priority.number());
+        transaction.read(reuse).await?.first().map(|row| row.text("id")).transpose()
     }
 
     async fn insert(
@@ -136,16 +160,17 @@ impl Queue {
     ) -> Result<String, Error> {
         let id = new_id();
         let insert = "INSERT INTO jobs (tenant, id, state, options, attempt, max_attempts, fence, cancel_requested, \
-                      stage_progress, notices, created_ms, total, priority, timeout_ms, memory_bytes, ray_count, \
-                      content_sha256) \
-                      VALUES ($1, $2, 'queued', $3, 0, $4, 0, 0, 0, '[]', {now}, $5, $6, NULLIF($7, -1), $8, $9, $10)";
+                      stage_progress, notices, created_ms, total, priority, timeout_ms, memory_bytes, memory_threads, \
+                      thread_bytes, ray_count, content_sha256) \
+                      VALUES ($1, $2, 'queued', $3, 0, $4, 0, 0, 0, '[]', {now}, $5, $6, NULLIF($7, -1), $8, $9, $10, \
+                      $11, $12)";
         let insert = sql(insert).bind(tenant).bind(id.as_str()).bind(json(&new.options)?);
         let total = new.total.as_ref().map(json).transpose()?;
         let insert = insert.bind(i64::from(self.max_attempts)).bind(total.as_deref());
-        // -1 stands for NULL: no job may take so long.
-        let timeout_ms = new.timeout_s.map_or(-1, |seconds| i64::from(seconds) * 1000);
-        let insert = insert.bind(new.priority.number()).bind(timeout_ms);
-        let insert = insert.bind(prospect.memory_bytes.cast_signed()).bind(prospect.ray_count.cast_signed());
+        let insert = insert.bind(new.priority.number()).bind(timeout_ms(new));
+        let threads = i64::try_from(prospect.memory_threads).unwrap_or(i64::MAX);
+        let insert = insert.bind(prospect.memory_bytes.cast_signed()).bind(threads);
+        let insert = insert.bind(prospect.thread_bytes.cast_signed()).bind(prospect.ray_count.cast_signed());
         transaction.write(insert.bind(prospect.content_sha256.as_deref())).await?;
         for (position, channel) in new.channels.iter().enumerate() {
             insert_channel(transaction, tenant, &id, position, channel).await?;
@@ -153,13 +178,14 @@ impl Queue {
         Ok(id)
     }
 
-    /// Forgets keys that mean nothing any more; how many.
+    /// Forgets the oldest keys that mean nothing any more, up to 1000; how many.
     ///
     /// # Errors
     /// The database did not answer.
     pub async fn forget_keys(&self) -> Result<u64, storage::Error> {
-        let forget = sql("DELETE FROM idempotency_keys WHERE created_ms <= {now} - $1");
-        self.storage.records.write(forget.bind(life_ms())).await
+        let forget = "DELETE FROM idempotency_keys WHERE (tenant, key) IN (SELECT tenant, key FROM idempotency_keys \
+                      WHERE created_ms <= {now} - $1 ORDER BY created_ms LIMIT $2)";
+        self.storage.records.write(sql(forget).bind(ms(KEY_LIFE)).bind(BATCH)).await
     }
 }
 
@@ -195,15 +221,16 @@ fn declared(channel: &Channel) -> Result<String, storage::Error> {
     json(&declared)
 }
 
-fn life_ms() -> i64 {
-    i64::try_from(KEY_LIFE.as_millis()).unwrap_or(i64::MAX)
+/// Longest attempt that was asked for; -1 stands for NULL: no job may take so long.
+fn timeout_ms(new: &NewJob) -> i64 {
+    new.timeout_s.map_or(-1, |seconds| i64::from(seconds) * 1000)
 }
 
 fn find(tenant: &str, keyed: &Keyed) -> Statement {
     let find = "SELECT known.request_sha256, known.job_id, known.reused, jobs.id AS present FROM idempotency_keys known \
                 LEFT JOIN jobs ON jobs.id = known.job_id \
                 WHERE known.tenant = $1 AND known.key = $2 AND known.created_ms > {now} - $3";
-    sql(find).bind(tenant).bind(keyed.key.as_str()).bind(life_ms())
+    sql(find).bind(tenant).bind(keyed.key.as_str()).bind(ms(KEY_LIFE))
 }
 
 fn told(row: &Row, keyed: &Keyed) -> Result<Queued, Error> {

@@ -5,8 +5,8 @@ use super::super::access::quota::{Exceeded, Quota};
 use super::super::crash;
 use super::Error;
 use super::ray_sets::{self, Draft};
-use super::records::{Records, Row, Statement, Transaction, sql};
-use super::uploads::{State, Upload, changed, ms, upload};
+use super::records::{Records, Row, Statement, Transaction, ms, sql};
+use super::uploads::{State, Upload, changed, upload};
 use std::time::Duration;
 
 /// Uploads looked at in one go.

@@ -111,6 +111,11 @@ pub struct Statement {
     values: Vec<Value>,
 }
 
+/// A time as rows have it, ms; one without end leaves room to be added to now.
+pub fn ms(time: Duration) -> i64 {
+    i64::try_from(time.as_millis()).unwrap_or(i64::MAX).min(i64::MAX / 2)
+}
+
 /// A statement without values yet.
 pub fn sql(text: &'static str) -> Statement {
     Statement { text, values: Vec::new() }

@@ -6,7 +6,7 @@ use super::super::jobs::channels::FileDeclaration;
 use super::Error;
 use super::parts::Part;
 use super::ray_sets::unreadable;
-use super::records::{Records, Row, Statement, Transaction, sql};
+use super::records::{Records, Row, Statement, Transaction, ms, sql};
 use std::time::Duration;
 
 /// Unfinished uploads that a tenant may have at once.
@@ -149,10 +149,6 @@ pub enum Added {
     Lost,
     /// The tenant has no room for them.
     NoRoom(Exceeded),
-}
-
-pub(super) fn ms(duration: Duration) -> i64 {
-    i64::try_from(duration.as_millis()).unwrap_or(i64::MAX / 2).min(i64::MAX / 2)
 }
 
 /// Changes rows and answers the first that it RETURNs.

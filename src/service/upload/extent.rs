@@ -1,6 +1,6 @@
 //! How much of a file has come: its length and its SHA-256 so far, which goes on in another process.
 
-use super::super::jobs::worker::hex;
+use super::super::hex::hex;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use sha2::digest::common::hazmat::{SerializableState, SerializedState};

@@ -18,8 +18,8 @@ pub mod resume;
 pub mod finish;
 
 use super::access::quota::{Exceeded, Quota, Room};
+use super::hex::hex;
 use super::jobs::channels::FileDeclaration;
-use super::jobs::worker::hex;
 use super::pace::{Pace, Slowest, TooSlow};
 use super::storage::inspections::{Drawing, Inspection};
 use super::storage::parts::{Part, Parts};

@@ -1,6 +1,6 @@
 //! Rows of endpoints.
 
-use super::super::storage::records::{Records, Row, sql};
+use super::super::storage::records::{Records, Row, ms, sql};
 use super::super::storage::{Error, new_id};
 use super::{Event, signature};
 use std::time::Duration;
@@ -127,7 +127,6 @@ pub async fn rotate(records: &Records, tenant: &str, id: &str, overlap: Duration
     let rotate = "UPDATE webhooks SET \
                   old_secret = CASE WHEN old_secret_until_ms > {now} THEN old_secret ELSE secret END, old_secret_until_ms = {now} + $1, secret = $2 \
                   WHERE tenant = $3 AND id = $4";
-    let overlap_ms = i64::try_from(overlap.as_millis()).unwrap_or(i64::MAX);
-    let rotate = sql(rotate).bind(overlap_ms).bind(secret.as_str()).bind(tenant).bind(id);
+    let rotate = sql(rotate).bind(ms(overlap)).bind(secret.as_str()).bind(tenant).bind(id);
     Ok((records.write(rotate).await? > 0).then_some(secret))
 }

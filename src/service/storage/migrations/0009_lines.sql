@@ -2,8 +2,11 @@
 ALTER TABLE jobs ADD COLUMN priority BIGINT NOT NULL DEFAULT 1;
 -- Longest attempt; NULL is the service's.
 ALTER TABLE jobs ADD COLUMN timeout_ms BIGINT;
--- Most memory that computing it is expected to need; 0 for jobs queued before anybody asked.
+-- Most memory that computing it is expected to need, on how many threads, and how much more on each further one; 0 for jobs
+-- queued before anybody asked.
 ALTER TABLE jobs ADD COLUMN memory_bytes BIGINT NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN memory_threads BIGINT NOT NULL DEFAULT 1;
+ALTER TABLE jobs ADD COLUMN thread_bytes BIGINT NOT NULL DEFAULT 0;
 -- Rays of its files, as their headers tell.
 ALTER TABLE jobs ADD COLUMN ray_count BIGINT NOT NULL DEFAULT 0;
 -- SHA-256 of everything that its artifacts follow from, and when somebody last asked for the same again.

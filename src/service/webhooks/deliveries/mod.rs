@@ -5,7 +5,7 @@
 mod tests;
 
 use super::super::storage::Error;
-use super::super::storage::records::{Records, Row, Transaction, sql};
+use super::super::storage::records::{Records, Row, Transaction, ms, sql};
 use super::{PING, Policy};
 use std::time::Duration;
 
@@ -341,8 +341,4 @@ pub async fn forget(records: &Records, keep: Duration) -> Result<u64, Error> {
 pub async fn backlog(records: &Records) -> Result<u64, Error> {
     let count = records.read_one(sql("SELECT COUNT(*) AS waiting FROM deliveries WHERE state = 'waiting'")).await?;
     count.map_or(Ok(0), |row| row.count("waiting"))
-}
-
-fn ms(time: Duration) -> i64 {
-    i64::try_from(time.as_millis()).unwrap_or(i64::MAX)
 }

@@ -1,0 +1,56 @@
+//! What becomes of jobs whose worker was lost, and of those that nobody can begin.
+
+use super::super::storage::{self, records::sql};
+use super::Failure;
+use super::memory::needed;
+use super::queue::{Queue, json};
+
+impl Queue {
+    /// Ends the lease of every running job: only right when no other process can be running any.
+    ///
+    /// # Errors
+    /// The database did not answer.
+    pub async fn recover(&self) -> Result<(), storage::Error> {
+        self.storage.records.write(sql("UPDATE jobs SET lease_until_ms = 0 WHERE state = 'running'")).await?;
+        self.sweep().await
+    }
+
+    /// Fails waiting jobs that need more memory than this process has: only right when no other process can begin them.
+    ///
+    /// # Errors
+    /// The database did not answer.
+    pub async fn give_up(&self) -> Result<(), storage::Error> {
+        let give_up = concat!(
+            "UPDATE jobs SET state = 'failed', failure = $1, finished_ms = {now}, lease_until_ms = NULL \
+             WHERE jobs.state = 'queued' AND ",
+            needed!("$3"),
+            " > $2"
+        );
+        let failure = json(&Failure::too_large(self.memory.limit_bytes()))?;
+        let failed = self.storage.records.write(self.machine(sql(give_up).bind(failure))).await?;
+        if self.told(failed) {
+            tracing::warn!(jobs = failed, "failed jobs that need more memory than there is");
+        }
+        Ok(())
+    }
+
+    /// Takes back jobs whose lease has ended; never those of this process, whose worker may only have been slow to beat. And
+    /// those of this slot, which has none: their claim was made, and its answer lost with the connection.
+    pub(super) async fn sweep(&self) -> Result<(), storage::Error> {
+        let sweep = "UPDATE jobs SET \
+                     state = CASE WHEN cancel_requested = 1 THEN 'cancelled' WHEN attempt >= max_attempts \
+                             THEN 'failed' ELSE 'queued' END, \
+                     failure = CASE WHEN cancel_requested = 0 AND attempt >= max_attempts THEN $1 END, \
+                     finished_ms = CASE WHEN cancel_requested = 1 OR attempt >= max_attempts THEN {now} END, \
+                     lease_owner = NULL, lease_until_ms = NULL, stage = NULL, stage_progress = 0 \
+                     WHERE id IN (SELECT id FROM jobs WHERE state = 'running' AND (lease_owner = $2 \
+                     OR (lease_until_ms < {now} AND lease_owner NOT LIKE $3)) {skip_locked})";
+        let sweep = sql(sweep).bind(json(&Failure::worker_lost(self.max_attempts))?).bind(self.owner.as_str());
+        let swept = self.storage.records.write(sweep.bind(format!("{}.%", self.process))).await?;
+        if self.told(swept) {
+            self.metrics.leases_lost(swept);
+            tracing::warn!(jobs = swept, "took back jobs of lost workers");
+        }
+        Ok(())
+    }
+}
