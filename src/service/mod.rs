@@ -137,6 +137,8 @@ pub struct Service {
     address: SocketAddr,
     slots: JoinSet<()>,
     release: CancellationToken,
+    /// Finishes uploads until it stops.
+    finishing: JoinSet<()>,
     /// Looks for garbage, for what is kept no longer and for what is to be told, as long as the service lives.
     upkeep: JoinSet<()>,
     /// Held as long as the service lives: proves that nobody else works in the data folder.
@@ -208,10 +210,12 @@ impl Service {
             false => JoinSet::new(),
         };
         let api = Service::api(&config, storage, queue, (watcher, dispatcher), metrics, stop)?;
+        let mut finishing = JoinSet::new();
         if config.role.answers() {
-            upkeep.spawn(api.uploads.clone().keep_up(config.poll));
+            finishing.spawn(api.uploads.clone().finish_all(config.poll));
+            upkeep.spawn(api.uploads.clone().keep_up());
         }
-        Ok(Service { config, api, listener, address, slots, release, upkeep, _lock: lock })
+        Ok(Service { config, api, listener, address, slots, release, finishing, upkeep, _lock: lock })
     }
 
     fn api(
@@ -243,7 +247,7 @@ impl Service {
                 expiry: config.upload_expiry,
                 lease: config.lease,
                 max_attempts: config.max_attempts,
-                at_hand: Arc::default(),
+                ends: Arc::default(),
                 stopping: draining.clone(),
             },
             intake,
@@ -303,7 +307,8 @@ impl Service {
     }
 
     /// Answers until `shutdown` resolves; then takes nothing new, and gives running jobs and open connections the
-    /// configured grace before jobs go back to the queue, their attempt not counted, and connections are cut.
+    /// configured grace before jobs go back to the queue, their attempt not counted, and connections are cut. Uploads that
+    /// are being finished go back at once.
     ///
     /// # Errors
     /// The listener failed.
@@ -327,6 +332,7 @@ impl Service {
             let _ = timeout(self.config.grace, drained(&mut self.slots)).await;
         }
         let _ = timeout_at(deadline, server).await;
+        let _ = timeout_at(deadline, drained(&mut self.finishing)).await;
         self.upkeep.abort_all();
         self.api.storage.records.close().await;
         tracing::info!("stopped");
