@@ -1,10 +1,12 @@
 //! A copy of everything, taken while the service runs: first the rows, as they are at one moment, then every blob that they
 //! name. A blob is written before its row and never changed, so all of them are there, but for those that somebody deletes
-//! meanwhile; what they belong to is deleted from the copy too. The copy is a data folder: to restore is to serve it.
+//! meanwhile; what they belong to is deleted from the copy too. The short last part of an upload goes with the request that
+//! goes on with it: such an upload is copied as it is then. The copy is a data folder: to restore is to serve it.
 
 use super::Config;
 use super::storage::Storage;
-use super::storage::records::{Records, sql};
+use super::storage::records::{Records, Row, sql};
+use std::collections::HashSet;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -94,24 +96,89 @@ async fn fill(live: &Storage, from: &Path, copy: &Records, to: &Path) -> Result<
     let named = "SELECT blob FROM parts UNION ALL SELECT blob FROM artifacts UNION ALL SELECT blob FROM upload_parts";
     for row in copy.read(sql(named)).await? {
         let blob = row.text("blob")?;
-        let (from, to) = (from.join(&blob), to.join(&blob));
-        let written = tokio::task::spawn_blocking(move || copy_file(&from, &to)).await;
-        match written.map_err(io::Error::other).and_then(|written| written) {
-            Ok(fresh) => {
-                copied.blobs += 1;
-                copied.fresh += u64::from(fresh.is_some());
-                copied.fresh_bytes += fresh.unwrap_or(0);
-            }
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {
-                if is_named(&live.records, &blob).await? {
-                    return Err(Error::Missing(blob));
-                }
-                copied.deleted += forget(copy, &blob).await?;
-            }
-            Err(error) => return Err(Error::Disk { path: blob.into(), error }),
+        if copied.add(&blob, from, to).await? {
+            continue;
+        }
+        if is_named(&live.records, &blob).await? {
+            return Err(Error::Missing(blob));
+        }
+        if !follow(live, from, copy, to, &blob, &mut copied).await? {
+            copied.deleted += forget(copy, &blob).await?;
         }
     }
     Ok(copied)
+}
+
+impl Copied {
+    /// Copies a blob from one folder to another; false when it is not there.
+    async fn add(&mut self, blob: &str, from: &Path, to: &Path) -> Result<bool, Error> {
+        let (from, to) = (from.join(blob), to.join(blob));
+        let written = tokio::task::spawn_blocking(move || copy_file(&from, &to)).await;
+        match written.map_err(io::Error::other).and_then(|written| written) {
+            Ok(fresh) => {
+                self.blobs += 1;
+                self.fresh += u64::from(fresh.is_some());
+                self.fresh_bytes += fresh.unwrap_or(0);
+                Ok(true)
+            }
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
+            Err(error) => Err(Error::Disk { path: blob.into(), error }),
+        }
+    }
+}
+
+/// Copies the upload that `blob` belongs to anew, as it is now, until nothing of it is replaced meanwhile; false when it
+/// belongs to none, or that has ended.
+async fn follow(
+    live: &Storage,
+    from: &Path,
+    copy: &Records,
+    to: &Path,
+    blob: &str,
+    copied: &mut Copied,
+) -> Result<bool, Error> {
+    let of = sql("SELECT upload_id FROM upload_parts WHERE blob = $1").bind(blob);
+    let Some(upload) = copy.read_one(of).await? else { return Ok(false) };
+    let upload = upload.text("upload_id")?;
+    // One statement: the offset is that of these parts.
+    let now = "SELECT state, uploads.byte_count AS whole, offset_bytes, sha256_state, number, \
+               upload_parts.byte_count AS byte_count, blob FROM uploads JOIN upload_parts ON upload_id = id \
+               WHERE id = $1 AND state IN ('receiving', 'finishing') ORDER BY number";
+    'again: loop {
+        let parts = live.records.read(sql(now).bind(upload.as_str())).await?;
+        let Some(first) = parts.first() else { return Ok(false) };
+        let there = sql("SELECT blob FROM upload_parts WHERE upload_id = $1").bind(upload.as_str());
+        let there = copy.read(there).await?.iter().map(|row| row.text("blob")).collect::<Result<HashSet<_>, _>>()?;
+        for part in &parts {
+            let blob = part.text("blob")?;
+            // What the copy's rows name is copied in its turn.
+            if !there.contains(&blob) && !copied.add(&blob, from, to).await? {
+                if is_named(&live.records, &blob).await? {
+                    return Err(Error::Missing(blob));
+                }
+                continue 'again;
+            }
+        }
+        replace(copy, &upload, first, &parts).await?;
+        return Ok(true);
+    }
+}
+
+/// Makes an upload of the copy what these rows are.
+async fn replace(copy: &Records, upload: &str, now: &Row, parts: &[Row]) -> Result<(), Error> {
+    let mut transaction = copy.begin().await?;
+    let update = "UPDATE uploads SET state = $1, byte_count = $2, offset_bytes = $3, sha256_state = $4 WHERE id = $5";
+    let update = sql(update).bind(now.text("state")?).bind(now.optional_number("whole")?);
+    let update = update.bind(now.number("offset_bytes")?).bind(now.text("sha256_state")?).bind(upload);
+    transaction.write(update).await?;
+    transaction.write(sql("DELETE FROM upload_parts WHERE upload_id = $1").bind(upload)).await?;
+    for part in parts {
+        let insert = sql("INSERT INTO upload_parts (upload_id, number, byte_count, blob) VALUES ($1, $2, $3, $4)");
+        let insert = insert.bind(upload).bind(part.number("number")?).bind(part.number("byte_count")?);
+        transaction.write(insert.bind(part.text("blob")?)).await?;
+    }
+    transaction.commit().await?;
+    Ok(())
 }
 
 async fn is_named(records: &Records, blob: &str) -> Result<bool, Error> {

@@ -139,7 +139,7 @@ pub struct Service {
     address: SocketAddr,
     slots: JoinSet<()>,
     release: CancellationToken,
-    /// Looks for garbage, for what is kept no longer and for what is to be told, as long as the service lives.
+    /// Looks for garbage, for what is kept no longer, for uploads to finish and for what is to be told, until the service stops.
     upkeep: JoinSet<()>,
     /// Held as long as the service lives: proves that nobody else works in the data folder.
     _lock: Option<File>,
@@ -215,7 +215,9 @@ impl Service {
         };
         let api = Service::api(&config, storage, queue, (watcher, dispatcher), metrics, stop)?;
         if config.role.answers() {
-            upkeep.spawn(until(api.draining.clone(), api.uploads.clone().keep_up(config.poll)));
+            upkeep.spawn(until(api.draining.clone(), api.uploads.clone().keep_up()));
+            // Stops by itself, and gives back what it has begun.
+            upkeep.spawn(api.uploads.clone().finish_all(config.poll));
         }
         Ok(Service { config, api, listener, address, slots, release, upkeep, _lock: lock })
     }
@@ -249,7 +251,7 @@ impl Service {
                 expiry: config.upload_expiry,
                 lease: config.lease,
                 max_attempts: config.max_attempts,
-                at_hand: Arc::default(),
+                ends: Arc::default(),
                 stopping: draining.clone(),
             },
             intake,
@@ -309,7 +311,8 @@ impl Service {
     }
 
     /// Answers until `shutdown` resolves; then takes nothing new, and gives running jobs and open connections the
-    /// configured grace before jobs go back to the queue, their attempt not counted, and connections are cut.
+    /// configured grace before jobs go back to the queue, their attempt not counted, and connections are cut. Uploads that
+    /// are being finished go back at once.
     ///
     /// # Errors
     /// The listener failed; a task that looks after the stores hit a fault of ours.

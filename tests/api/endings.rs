@@ -16,6 +16,9 @@ use lampwright::service::backup::backup;
 use lampwright::service::storage::records::sql;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
+use std::fs::{self, OpenOptions};
+use std::path::PathBuf;
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 /// Asks for an upload until it is as `done` says.
@@ -31,8 +34,40 @@ async fn until(site: &Site, at: &str, done: impl Fn(&Value) -> bool) -> Value {
     }
 }
 
-fn id(at: &str) -> &str {
+pub fn id(at: &str) -> &str {
     at.rsplit('/').next().unwrap()
+}
+
+/// The last part of an upload, of which nobody gets a byte as long as this lives: a named pipe is in its place. Then whoever
+/// waits for it finds nothing.
+pub struct Stuck {
+    path: PathBuf,
+    away: PathBuf,
+}
+
+impl Stuck {
+    /// `None` where parts are no files.
+    pub async fn new(site: &Site, at: &str) -> Option<Stuck> {
+        if site.config.local_folders().is_empty() {
+            println!("LEFT OUT: no local disk to wait for");
+            return None;
+        }
+        let last = "SELECT blob FROM upload_parts WHERE upload_id = $1 ORDER BY number DESC LIMIT 1";
+        let blob = site.rows(sql(last).bind(id(at))).await[0].text("blob").unwrap();
+        let stuck = Stuck { path: site.config.data.join("blobs").join(blob), away: site.folder.path().join("away") };
+        fs::rename(&stuck.path, &stuck.away).unwrap();
+        assert!(Command::new("mkfifo").arg(&stuck.path).status().unwrap().success());
+        Some(stuck)
+    }
+}
+
+impl Drop for Stuck {
+    fn drop(&mut self) {
+        // Opened for both it waits for nobody, and nobody waits for it any more.
+        let both = OpenOptions::new().read(true).write(true).open(&self.path);
+        let _ = fs::rename(&self.away, &self.path);
+        drop(both);
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -147,6 +182,33 @@ async fn left_behind(site: &Site, file: &[u8]) -> String {
     at
 }
 
+/// Nothing more is to come of it.
+async fn complete(site: &Site, at: &str) {
+    let complete = sql("UPDATE uploads SET byte_count = offset_bytes, state = 'finishing' WHERE id = $1");
+    site.write(complete.bind(id(at))).await;
+}
+
+/// Waits until a process finishes it.
+async fn until_leased(site: &Site, at: &str) {
+    let leased = "SELECT id FROM uploads WHERE id = $1 AND lease_until_ms > {now}";
+    let start = Instant::now();
+    while site.rows(sql(leased).bind(id(at))).await.is_empty() {
+        assert!(start.elapsed() < Duration::from_secs(20), "nobody finishes it");
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+}
+
+/// Waits until it was begun to be finished more often than what may kill its process.
+async fn until_tried_often(site: &Site, at: &str) {
+    let tried = "SELECT fence FROM uploads WHERE id = $1 AND fence > $2";
+    let start = Instant::now();
+    while site.rows(sql(tried).bind(id(at)).bind(i64::from(site.config.max_attempts))).await.is_empty() {
+        assert_eq!(site.get(at).await.json()["state"], "finishing");
+        assert!(start.elapsed() < Duration::from_secs(60), "it is not tried again");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn what_a_killed_process_left_is_finished_when_its_lease_ends() {
     let site = Site::start(prompt()).await;
@@ -172,11 +234,9 @@ async fn what_kills_every_process_that_finishes_it_is_refused() {
     site.write(sql(poison).bind(i64::from(site.config.max_attempts)).bind(id(&at))).await;
     let refused = until(&site, &at, |upload| upload["state"] == "refused").await;
     assert_eq!(refused["problem"]["code"], "upload.finishing_lost", "{refused}");
-    let start = Instant::now();
-    while !site.blobs().is_empty() {
-        assert!(start.elapsed() < Duration::from_secs(20), "{:?}", site.blobs());
-        tokio::time::sleep(Duration::from_millis(20)).await;
-    }
+    // Its bytes were accepted: they stay for whoever wants to know why, until its time is over or it is deleted.
+    assert_eq!((site.rows(sql("SELECT blob FROM upload_parts")).await.len(), site.blobs().len()), (1, 1));
+    assert_eq!(site.delete(&at).await.status, StatusCode::NO_CONTENT);
     nothing_left(&site).await;
 }
 
@@ -191,17 +251,66 @@ async fn a_store_that_does_not_answer_makes_it_later_not_refused() {
     let at = left_behind(&site, &file).await;
     let folder = site.config.data.join("blobs/ray-sets").join(id(&at));
     let away = folder.with_extension("away");
-    std::fs::rename(&folder, &away).unwrap();
-    site.write(sql("UPDATE uploads SET byte_count = offset_bytes, state = 'finishing' WHERE id = $1").bind(id(&at)))
-        .await;
-    let tried = "SELECT fence FROM uploads WHERE fence > $1";
-    let start = Instant::now();
-    while site.rows(sql(tried).bind(i64::from(site.config.max_attempts))).await.is_empty() {
-        assert!(start.elapsed() < Duration::from_secs(60), "it is not tried again");
-        tokio::time::sleep(Duration::from_millis(20)).await;
-    }
-    std::fs::rename(&away, &folder).unwrap();
+    fs::rename(&folder, &away).unwrap();
+    complete(&site, &at).await;
+    until_tried_often(&site, &at).await;
+    fs::rename(&away, &folder).unwrap();
     until(&site, &at, |upload| upload["state"] == "taken").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_full_disk_makes_it_later_not_refused() {
+    let mut site = Site::start(prompt()).await;
+    if site.config.local_folders().is_empty() {
+        println!("LEFT OUT: no local disk to be full");
+        return;
+    }
+    let at = left_behind(&site, &zip(&[("a.dat", &rays::zemax(99)), ("b.dat", &rays::zemax(98))])).await;
+    site.kill().await;
+    site.config.keep_free = u64::MAX;
+    site.restart(prompt()).await;
+    complete(&site, &at).await;
+    until_tried_often(&site, &at).await;
+    site.kill().await;
+    site.config.keep_free = 0;
+    site.restart(prompt()).await;
+    let taken = until(&site, &at, |upload| upload["state"] == "taken").await;
+    assert_eq!(taken["ray_sets"].as_array().unwrap().len(), 2);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_upload_is_not_at_fault_when_the_service_stops() {
+    let mut site = Site::start(prompt()).await;
+    let at = left_behind(&site, &rays::zemax(20)).await;
+    let Some(stuck) = Stuck::new(&site, &at).await else { return };
+    complete(&site, &at).await;
+    for _ in 0..=site.config.max_attempts {
+        until_leased(&site, &at).await;
+        site.service.take().unwrap().run_until(async {}).await.unwrap();
+        let left = "SELECT attempt FROM uploads WHERE state = 'finishing' AND lease_until_ms <= {now}";
+        let left = site.rows(sql(left)).await;
+        assert_eq!(left.first().map(|row| row.number("attempt").unwrap()), Some(0));
+        site.restart(prompt()).await;
+    }
+    drop(stuck);
+    until(&site, &at, |upload| upload["state"] == "taken").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn one_that_takes_long_stops_nothing_else() {
+    let expiry = Duration::from_secs(8);
+    let site = Site::start_as(|config| Config { upload_expiry: expiry, ..config }, prompt()).await;
+    let (long, short) = (left_behind(&site, &rays::zemax(20)).await, left_behind(&site, &rays::zemax(20)).await);
+    let Some(stuck) = Stuck::new(&site, &long).await else { return };
+    let unfinished = begin(&site, 1000, &[]).await;
+    complete(&site, &long).await;
+    until_leased(&site, &long).await;
+    complete(&site, &short).await;
+    until(&site, &short, |upload| upload["state"] == "taken").await;
+    until(&site, &unfinished, |upload| upload["code"] == "upload.not_found").await;
+    assert_eq!(site.get(&long).await.json()["state"], "finishing");
+    drop(stuck);
+    until(&site, &long, |upload| upload["state"] == "taken").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -251,12 +360,46 @@ async fn a_backup_of_half_an_upload_goes_on() {
     let at = begin(&site, file.len(), &[]).await;
     append(&site, &at, 0, file[..9_000_000].to_vec(), &[]).await;
     let to = site.folder.path().join("copy");
-    assert_eq!(backup(&site.config, &to).await.unwrap().blobs, 2);
+    assert_eq!(backup(&site.config, &to).await.unwrap().blobs, 3);
     site.kill().await;
     site.config.data = to;
     site.restart(prompt()).await;
     assert_eq!(offset(&site, &at).await, 9_000_000);
     append(&site, &at, 9_000_000, file[9_000_000..].to_vec(), &[]).await;
+    let ray_set = site.get(&format!("/v1/ray-sets/{}", id(&at))).await.json();
+    assert_eq!(ray_set["sha256"], sha256(&file));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_backup_has_an_upload_whose_end_is_written_meanwhile() {
+    let mut site = Site::start(prompt()).await;
+    if !site.config.is_alone() {
+        return;
+    }
+    // Blobs that are copied before it.
+    for _ in 0..30 {
+        site.ray_set().await;
+    }
+    let file = rays::zemax(50_000);
+    let at = begin(&site, file.len(), &[]).await;
+    append(&site, &at, 0, file[..1000].to_vec(), &[]).await;
+    let to = site.folder.path().join("copy");
+    let sending = async {
+        for sent in (1000..).step_by(10) {
+            append(&site, &at, sent, file[sent..sent + 10].to_vec(), &[]).await;
+        }
+    };
+    let copied = tokio::select! {
+        copied = backup(&site.config, &to) => copied.unwrap(),
+        () = sending => panic!("it never ends"),
+    };
+    assert_eq!((copied.deleted, copied.blobs), (0, 31));
+    site.kill().await;
+    site.config.data = to;
+    site.restart(prompt()).await;
+    let came = offset(&site, &at).await;
+    assert!(came > 1000, "it was written to meanwhile");
+    append(&site, &at, came, file[came..].to_vec(), &[]).await;
     let ray_set = site.get(&format!("/v1/ray-sets/{}", id(&at))).await.json();
     assert_eq!(ray_set["sha256"], sha256(&file));
 }

@@ -22,6 +22,8 @@ mod walk;
 mod uploads;
 /// Uploads that are resumed.
 mod resume;
+/// Several requests for one of them.
+mod sessions;
 /// How those end.
 mod endings;
 /// What comes packed.

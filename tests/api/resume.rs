@@ -11,16 +11,13 @@ use base64::engine::general_purpose::STANDARD as BASE64;
 use futures::stream;
 use lampwright::service::Config;
 use lampwright::service::access::quota::Quota;
-use lampwright::service::pace::Slowest;
 use lampwright::service::storage::records::sql;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::io;
-use std::pin::pin;
-use std::time::Duration;
 
-const VERSION: (&str, &str) = ("tus-resumable", "1.0.0");
-const OCTETS: (&str, &str) = ("content-type", "application/offset+octet-stream");
+pub const VERSION: (&str, &str) = ("tus-resumable", "1.0.0");
+pub const OCTETS: (&str, &str) = ("content-type", "application/offset+octet-stream");
 
 /// `Upload-Metadata` of these.
 pub fn metadata(pairs: &[(&str, &str)]) -> String {
@@ -181,50 +178,27 @@ async fn bytes_go_where_the_upload_ends_and_once() {
     assert_eq!(offset(&site, &at).await, 0);
 }
 
-/// A body whose pieces are sent one by one.
-fn held() -> (tokio::sync::mpsc::Sender<io::Result<Bytes>>, Body) {
-    let (sender, receiver) = tokio::sync::mpsc::channel(1);
-    let pieces = stream::unfold(receiver, |mut receiver: tokio::sync::mpsc::Receiver<_>| async {
-        receiver.recv().await.map(|piece| (piece, receiver))
-    });
-    (sender, Body::from_stream(pieces))
-}
-
 #[tokio::test(flavor = "multi_thread")]
-async fn the_request_that_began_last_goes_on_and_an_earlier_one_keeps_nothing_more() {
-    let slowest = Slowest { interval: Duration::from_secs(30), bytes: 1 };
-    let site = Site::start_as(|config| Config { slowest, ..config }, prompt()).await;
-    let file = rays::zemax(50_000);
+async fn a_method_may_be_said_in_a_header() {
+    let site = Site::start(prompt()).await;
+    let file = rays::zemax(1000);
     let at = begin(&site, file.len(), &[]).await;
-    // The earlier one's connection is dead, and nobody has noticed.
-    let ((one, earlier), (two, later)) = (held(), held());
-    let sessions = async |site: &Site| {
-        let rows = site.rows(sql("SELECT COALESCE(session, '') AS session FROM uploads")).await;
-        rows[0].text("session").unwrap()
+    let ask = async |method: Method, meant: &str, body: &[u8]| {
+        let headers = [VERSION, OCTETS, ("upload-offset", "0"), ("x-http-method-override", meant)];
+        site.ask(method, &at, &headers, body.to_vec()).await
     };
-    let earlier = append(&site, &at, 0, earlier, &[]);
-    let later = append(&site, &at, 0, later, &[]);
-    let (mut earlier, mut later) = (pin!(earlier), pin!(later));
-    for (request, sender) in [(&mut earlier, &one), (&mut later, &two)] {
-        let before = sessions(&site).await;
-        let begun = async {
-            sender.send(Ok(Bytes::copy_from_slice(&file[..5000]))).await.unwrap();
-            while sessions(&site).await == before {
-                tokio::time::sleep(Duration::from_millis(5)).await;
-            }
-        };
-        tokio::select! {
-            reply = request => panic!("{reply:?}"),
-            () = begun => {}
-        }
-    }
-    one.send(Err(io::Error::other("connection reset"))).await.unwrap();
-    let earlier = earlier.await;
-    assert!(!earlier.status.is_success(), "{earlier:?}");
-    assert_eq!((offset(&site, &at).await, site.blobs().len()), (0, 0));
-    drop(two);
-    assert_eq!(later.await.header("upload-offset"), "5000");
-    assert_eq!((offset(&site, &at).await, site.blobs().len()), (5000, 1));
+    let added = ask(Method::POST, "PATCH", &file[..1000]).await;
+    assert_eq!((added.status, added.header("upload-offset")), (StatusCode::NO_CONTENT, "1000"));
+    // "The actual method of the request MUST be ignored."
+    let head = ask(Method::DELETE, "HEAD", &[]).await;
+    assert_eq!((head.status, head.header("upload-offset")), (StatusCode::OK, "1000"));
+    ask(Method::PATCH, "SING", &[]).await.is_problem(405, "request.method_not_allowed");
+    ask(Method::POST, "two words", &[]).await.is_problem(400, "request.malformed_header");
+    assert_eq!(ask(Method::POST, "DELETE", &[]).await.status, StatusCode::NO_CONTENT);
+    site.get(&at).await.is_problem(404, "upload.not_found");
+    // It is tus' and nobody else's.
+    let elsewhere = site.ask(Method::POST, "/v1/ray-sets", &[("x-http-method-override", "GET")], file).await;
+    assert_eq!(elsewhere.status, StatusCode::CREATED);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -253,7 +227,8 @@ async fn bytes_that_are_not_what_their_checksum_says_are_not_kept() {
         .is_problem(400, "upload.truncated");
     assert_eq!((offset(&site, &at).await, site.blobs().len()), (0, 0));
     // A wrong beginning may have become so on its way.
-    append(&site, &at, 0, vec![0x55; 100_000], &[("upload-checksum", &checked)]).await;
+    let noise = append(&site, &at, 0, vec![0x55; 100_000], &[("upload-checksum", &checked)]).await;
+    noise.is_problem(400, "detect.not_rays");
     assert_eq!((offset(&site, &at).await, &site.get(&at).await.json()["state"]), (0, &json!("receiving")));
     let reply = append(&site, &at, 0, file[..9_000_000].to_vec(), &[("upload-checksum", &checked)]).await;
     assert_eq!(reply.header("upload-offset"), "9000000");

@@ -246,11 +246,13 @@ fn dressed(router: Router<Api>, api: Api) -> Router {
         .layer(Extension(api.clone()))
         .layer(middleware::from_fn_with_state(api.clone(), metrics::counted))
         .layer(CatchPanicLayer::custom(panicked));
-    router
+    let routes = router
         .fallback(async |uri: Uri| Problem::no_route(uri.path()))
         .method_not_allowed_fallback(async |method: Method| Problem::method_not_allowed(method.as_str()))
         .layer(layers)
-        .with_state(api)
+        .with_state(api);
+    // What stands around a router stands before it has chosen a route.
+    Router::new().fallback_service(routes).layer(middleware::map_request(tus::meant))
 }
 
 /// The contract as it is committed: `openapi/openapi.json`.

@@ -33,6 +33,7 @@ pub const DEFER_LENGTH: HeaderName = HeaderName::from_static("upload-defer-lengt
 pub const METADATA: HeaderName = HeaderName::from_static("upload-metadata");
 /// When the upload is forgotten.
 pub const EXPIRES: HeaderName = HeaderName::from_static("upload-expires");
+const METHOD_OVERRIDE: HeaderName = HeaderName::from_static("x-http-method-override");
 const CHECKSUM: HeaderName = HeaderName::from_static("upload-checksum");
 const VERSIONS: HeaderName = HeaderName::from_static("tus-version");
 const EXTENSION: HeaderName = HeaderName::from_static("tus-extension");
@@ -43,10 +44,30 @@ const CHECKSUM_ALGORITHM: HeaderName = HeaderName::from_static("tus-checksum-alg
 pub const SEEN: [HeaderName; 10] =
     [RESUMABLE, OFFSET, LENGTH, DEFER_LENGTH, METADATA, EXPIRES, VERSIONS, EXTENSION, MAX_SIZE, CHECKSUM_ALGORITHM];
 
+/// A request with the method that it means, as tus has it for clients that cannot say PATCH or DELETE. Before its route is
+/// chosen.
+pub async fn meant(mut request: Request) -> Request {
+    if is_ours(request.uri().path())
+        && let Some(Ok(method)) = method_override(&request)
+    {
+        *request.method_mut() = method;
+    }
+    request
+}
+
+fn is_ours(path: &str) -> bool {
+    path == PATH || path.strip_prefix(PATH).is_some_and(|rest| rest.starts_with('/'))
+}
+
+fn method_override(request: &Request) -> Option<Result<Method, Problem>> {
+    let said = request.headers().get(METHOD_OVERRIDE)?;
+    let wrong = |_| Problem::malformed_header(METHOD_OVERRIDE.as_str(), "It is not a method.");
+    Some(Method::from_bytes(said.as_bytes()).map_err(wrong))
+}
+
 /// Answers what the service can do (OPTIONS), refuses other versions, and names ours in every answer.
 pub async fn speak(State(api): State<Api>, request: Request, next: Next) -> Response {
-    let path = request.uri().path();
-    if path != PATH && !path.strip_prefix(PATH).is_some_and(|rest| rest.starts_with('/')) {
+    if !is_ours(request.uri().path()) {
         return next.run(request).await;
     }
     // A browser that asks before it asks is answered elsewhere.
@@ -79,6 +100,7 @@ fn abilities(max_bytes: u64) -> Response {
 
 /// Whether a request speaks our version. Those that only look or delete need not say.
 fn spoken(request: &Request) -> Result<(), Problem> {
+    method_override(request).transpose()?;
     let found = request.headers().get(RESUMABLE).map(|version| version.to_str().unwrap_or("?"));
     match found {
         Some(VERSION) => Ok(()),

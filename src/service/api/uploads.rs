@@ -150,10 +150,11 @@ pub async fn create(
     let whole = Announcement { declared, byte_count: tus::length(&headers)?, ..body_headers.clone() };
     let whole = Announcement { sha256: whole.sha256.into_iter().chain(metadata.sha256).collect(), ..whole };
     let piece = first_piece(&headers, body_headers.byte_count)?;
-    let mut upload = api.uploads.create(&access.tenant, metadata.sent, whole).await?;
-    if let Some(piece) = piece {
-        upload = append_first(api, access, upload.id, piece, body).await?;
-    }
+    let sent = metadata.sent;
+    let upload = match piece {
+        Some(piece) => create_with(api, access, (sent, whole), piece, body).await?,
+        None => api.uploads.create(&access.tenant, sent, whole).await?,
+    };
     let mut response = StatusCode::CREATED.into_response();
     tus::tell(response.headers_mut(), header::LOCATION, &address(&upload.id));
     tell_progress(response.headers_mut(), &upload);
@@ -171,29 +172,32 @@ fn first_piece(headers: &HeaderMap, byte_count: Option<u64>) -> Result<Option<Pi
     Ok((is_ours && byte_count != Some(0)).then_some(piece))
 }
 
-/// Adds the first bytes; where that fails nothing is begun, since its sender would not know of it.
-async fn append_first(
+/// Begins an upload with its first bytes; where they fail nothing is begun, since its sender would not know of it. What was
+/// refused is told by its answer alone.
+async fn create_with(
     api: Api,
     access: Access,
-    id: String,
+    (sent, whole): (String, Announcement),
     piece: Piece,
     body: Body,
 ) -> Result<uploads::Upload, Problem> {
-    let (tenant, uploads) = (access.tenant.clone(), api.uploads.clone());
-    let appended = append_all(api, access, id.clone(), piece, body).await;
-    // What was refused is told by its answer alone.
-    if appended.is_err()
-        && let Err(error) = uploads.delete(&tenant, &id).await
-    {
-        tracing::warn!(upload = id, %error, "an upload that nobody knows of stays until its time is over");
-    }
-    appended
+    to_its_end(async move {
+        let Access { tenant, .. } = &access;
+        let upload = api.uploads.create(tenant, sent, whole).await?;
+        let appended = api.uploads.append(tenant, &upload.id, piece, body.into_data_stream()).await;
+        if appended.is_err() {
+            api.uploads.abandon(tenant, &upload.id).await;
+        }
+        appended
+    })
+    .await
 }
 
 /// Goes on with an upload
 ///
 /// The body is added where the upload ends. What came of a body that breaks off is kept, unless it has a checksum: ask with HEAD
 /// how much. The answer to the last byte waits a while for what becomes of the file; a refusal within that time is the answer.
+/// Under `/v1/uploads`, `X-HTTP-Method-Override` says the method, whatever the request's own is.
 #[utoipa::path(
     patch, path = "/v1/uploads/{id}", tag = "uploads", operation_id = "append_to_upload",
     params(
@@ -240,29 +244,22 @@ pub async fn append(
         whole: tus::bytes(&headers, &tus::LENGTH)?,
         checksum: tus::checksum(&headers)?,
     };
-    let upload = append_all(api, access, id, piece, body).await?;
+    let appended = async move { api.uploads.append(&access.tenant, &id, piece, body.into_data_stream()).await };
+    let upload = to_its_end(appended).await?;
     let mut response = StatusCode::NO_CONTENT.into_response();
     tell_progress(response.headers_mut(), &upload);
     Ok(response)
 }
 
-/// A task of its own: when the client goes away its handler is dropped, and what came must still be stored.
-async fn append_all(
-    api: Api,
-    access: Access,
-    id: String,
-    piece: Piece,
-    body: Body,
+/// Takes bytes in a task of its own: when the client goes away its handler is dropped, and what came must still be stored.
+async fn to_its_end(
+    taking: impl Future<Output = Result<uploads::Upload, Error>> + Send + 'static,
 ) -> Result<uploads::Upload, Problem> {
-    let appended = tokio::spawn(async move {
-        let body = body.into_data_stream();
-        api.uploads.append(&access.tenant, &id, piece, body).await
-    });
-    let appended = appended.await.map_err(|error| {
+    let taken = tokio::spawn(taking).await.map_err(|error| {
         tracing::error!(%error, "an upload stopped");
         Problem::internal()
     })?;
-    Ok(appended?)
+    Ok(taken?)
 }
 
 fn is_ours(headers: &HeaderMap) -> bool {

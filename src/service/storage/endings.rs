@@ -115,9 +115,21 @@ pub async fn take(
 /// # Errors
 /// The database did not answer: it may or may not be so.
 pub async fn refuse(records: &Records, claim: &Claim, result: &str, expiry: Duration) -> Result<bool, Error> {
+    refused(records, &claim.upload.id, refusing(claim, result, expiry)).await
+}
+
+/// The same, but for its bytes, which stay until its time is over: it was not their fault, as far as anybody knows.
+///
+/// # Errors
+/// The database did not answer: it may or may not be so.
+pub async fn give_up(records: &Records, claim: &Claim, result: &str, expiry: Duration) -> Result<bool, Error> {
+    Ok(records.write(refusing(claim, result, expiry)).await? > 0)
+}
+
+fn refusing(claim: &Claim, result: &str, expiry: Duration) -> Statement {
     let refuse = "UPDATE uploads SET state = 'refused', result = $1, lease_until_ms = NULL, expires_ms = {now} + $2 \
                   WHERE id = $3 AND fence = $4 AND state = 'finishing'";
-    refused(records, &claim.upload.id, at(sql(refuse).bind(result).bind(ms(expiry)), claim)).await
+    at(sql(refuse).bind(result).bind(ms(expiry)), claim)
 }
 
 /// The same, for one that the request `session` adds to.
@@ -153,6 +165,16 @@ async fn refused(records: &Records, id: &str, refuse: Statement) -> Result<bool,
 pub async fn delete(records: &Records, tenant: &str, id: &str) -> Result<Option<State>, Error> {
     let delete = sql("DELETE FROM uploads WHERE tenant = $1 AND id = $2 RETURNING state").bind(tenant).bind(id);
     changed(records, delete).await?.map(|row| State::parse(&row.text("state")?)).transpose()
+}
+
+/// The same, unless it has become ray sets.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn abandon(records: &Records, tenant: &str, id: &str) -> Result<Option<State>, Error> {
+    let abandon = "DELETE FROM uploads WHERE tenant = $1 AND id = $2 AND state <> 'taken' RETURNING state";
+    let abandon = sql(abandon).bind(tenant).bind(id);
+    changed(records, abandon).await?.map(|row| State::parse(&row.text("state")?)).transpose()
 }
 
 /// Forgets uploads whose time is over: their ids, and what they were. Never one whose bytes are all there.

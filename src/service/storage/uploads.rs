@@ -21,7 +21,7 @@ pub enum State {
     Finishing,
     /// It has become ray sets.
     Taken,
-    /// It has not, and its bytes are gone.
+    /// It has not; its bytes are gone, unless nobody managed to read them.
     Refused,
 }
 
@@ -115,6 +115,23 @@ pub enum NoRoom {
     Quota(Exceeded),
     /// The tenant has [`MAX_UNFINISHED`] already.
     TooMany,
+}
+
+/// A request that means to add to an upload.
+#[derive(Clone, Debug)]
+pub struct Beginning<'a> {
+    /// Whose upload it is.
+    pub tenant: &'a str,
+    /// The upload.
+    pub id: &'a str,
+    /// A name that no other request has.
+    pub session: &'a str,
+    /// Where it goes on, bytes.
+    pub offset: u64,
+    /// Length of the whole, where the request says it, bytes.
+    pub whole: Option<u64>,
+    /// How long the upload is kept if nothing comes.
+    pub expiry: Duration,
 }
 
 /// Bytes that a request has stored, to be named by rows.
@@ -238,45 +255,41 @@ fn part(row: &Row) -> Result<Part, Error> {
     Ok(Part { byte_count: row.count("byte_count")?, blob: row.text("blob")? })
 }
 
-/// Lets the request `session` go on from `offset`, and no other any more; `None` when it is not there.
+/// Lets a request go on from where it means to, and no other any more; `None` when the upload is not there, or the length
+/// that it says cannot be the upload's. What it says counts as kept from now on.
 ///
 /// # Errors
-/// The database did not answer.
+/// The database did not answer. Within: the tenant has no room for the length.
 pub async fn begin(
     records: &Records,
-    tenant: &str,
-    id: &str,
-    offset: u64,
-    session: &str,
-    expiry: Duration,
-) -> Result<Option<Upload>, Error> {
-    let begin = "UPDATE uploads SET session = $1, expires_ms = {now} + $2 \
-                 WHERE tenant = $3 AND id = $4 AND state = 'receiving' AND offset_bytes = $5 RETURNING *";
-    let begin = sql(begin).bind(session).bind(ms(expiry)).bind(tenant).bind(id).bind(offset.cast_signed());
-    changed(records, begin).await?.as_ref().map(upload).transpose()
-}
-
-/// Says how long the whole is, where that was left open and is not less than what is there; false otherwise.
-///
-/// # Errors
-/// The database did not answer. Within: the tenant has no room for it.
-pub async fn announce(
-    records: &Records,
-    tenant: &str,
     quota: Quota,
-    id: &str,
-    byte_count: u64,
-) -> Result<Result<bool, Exceeded>, Error> {
+    beginning: &Beginning<'_>,
+) -> Result<Result<Option<Upload>, Exceeded>, Error> {
+    let Beginning { tenant, id, session, offset, whole, expiry } = *beginning;
     let mut transaction = records.begin().await?;
-    let announce = "UPDATE uploads SET byte_count = $1, \
-                    state = CASE WHEN offset_bytes = $1 THEN 'finishing' ELSE state END \
-                    WHERE tenant = $2 AND id = $3 AND state = 'receiving' AND byte_count IS NULL AND offset_bytes <= $1";
-    let said = transaction.write(sql(announce).bind(byte_count.cast_signed()).bind(tenant).bind(id)).await?;
-    if let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await? {
+    // The length and the session in one: whoever adds without knowing the length adds no more.
+    let begin = "UPDATE uploads SET session = $1, expires_ms = {now} + $2, byte_count = COALESCE(byte_count, $3), \
+                 state = CASE WHEN byte_count IS NULL AND offset_bytes = $3 THEN 'finishing' ELSE state END \
+                 WHERE tenant = $4 AND id = $5 AND state = 'receiving' AND offset_bytes = $6 \
+                 AND ($3 IS NULL OR (offset_bytes <= $3 AND COALESCE(byte_count, $3) = $3)) RETURNING *";
+    let begin = sql(begin).bind(session).bind(ms(expiry)).bind(whole.map(u64::cast_signed)).bind(tenant).bind(id);
+    let rows = transaction.read(begin.bind(offset.cast_signed())).await?;
+    if whole.is_some()
+        && let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await?
+    {
         return Ok(Err(exceeded));
     }
     transaction.commit().await?;
-    Ok(Ok(said > 0))
+    Ok(Ok(rows.first().map(upload).transpose()?))
+}
+
+/// Whether the request `session` is still the one that may add to the upload `id`.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn goes_on(records: &Records, id: &str, session: &str) -> Result<bool, Error> {
+    let select = "SELECT id FROM uploads WHERE id = $1 AND session = $2 AND state = 'receiving'";
+    Ok(records.read_one(sql(select).bind(id).bind(session)).await?.is_some())
 }
 
 /// Makes stored bytes part of an upload: its offset moves and their parts get rows, or neither.
@@ -288,7 +301,7 @@ pub async fn add(records: &Records, quota: Quota, addition: &Addition<'_>) -> Re
     let advance = "UPDATE uploads SET offset_bytes = $1, sha256_state = $2, expires_ms = {now} + $3, \
                    state = CASE WHEN byte_count = $1 THEN 'finishing' ELSE state END \
                    WHERE id = $4 AND session = $5 AND state = 'receiving' AND offset_bytes = $6 \
-                   RETURNING state, byte_count";
+                   AND (byte_count IS NULL OR byte_count >= $1) RETURNING state, byte_count";
     let advance = sql(advance).bind(addition.to.cast_signed()).bind(addition.sha256_state).bind(ms(addition.expiry));
     let advance = advance.bind(addition.id).bind(addition.session).bind(addition.from.cast_signed());
     let rows = transaction.read(advance).await?;

@@ -13,20 +13,22 @@ use super::spool::PREFIX_BYTES;
 use super::{Error as FileError, LeftOut, Stored};
 use crate::pipeline;
 use serde::{Deserialize, Serialize};
-use std::collections::HashSet;
-use std::sync::{Mutex, PoisonError};
+use std::collections::HashMap;
+use std::pin::pin;
 use std::time::Duration;
-use tokio::sync::{Semaphore, SemaphorePermit};
-use tokio::task::JoinError;
-use tokio::time::{Instant, MissedTickBehavior, interval, sleep, timeout};
+use tokio::sync::Notify;
+use tokio::task::{Id, JoinError, JoinSet};
+use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 use tokio_util::sync::CancellationToken;
 
 /// Uploads finished at once: each is read to its end.
 const AT_ONCE: usize = 4;
 /// How long the request with the last byte waits for the end of its upload.
 const WAIT: Duration = Duration::from_secs(10);
-/// How often it looks.
+/// How often it looks: another process may be the one that finishes.
 const LOOK: Duration = Duration::from_millis(50);
+/// Longest time between two attempts where a store has no answer or no room, leases.
+const MAX_BACK_OFF: u32 = 32;
 /// Longest time between two looks for uploads whose time is over.
 const EXPIRY_LOOK: Duration = Duration::from_mins(1);
 
@@ -43,95 +45,146 @@ pub struct Became {
 enum Fate {
     /// It is refused.
     Refused,
+    /// The same, but for its bytes: they were accepted, and nobody knows what is wrong with them.
+    GivenUp,
     /// Tried again; it counts as an attempt when it may be the upload's fault.
     Again { counted: bool },
     /// It is another's, or deleted.
     Lost,
 }
 
-/// Uploads that this process finishes now.
-pub struct AtHand {
-    places: Semaphore,
-    ids: Mutex<HashSet<String>>,
+/// What a process's requests and its finishing tell each other.
+#[derive(Default)]
+pub struct Ends {
+    /// To the finishing: all bytes of an upload are there.
+    come: Notify,
+    /// To the requests that wait: an upload may have ended.
+    gone: Notify,
 }
 
-impl Default for AtHand {
-    fn default() -> AtHand {
-        AtHand { places: Semaphore::new(AT_ONCE), ids: Mutex::default() }
-    }
-}
-
-impl AtHand {
-    /// Puts an upload in hand until the guard is dropped; `None` when it is there already: this process may only have been
-    /// slow to renew its lease.
-    async fn take(&self, id: &str) -> Option<Held<'_>> {
-        let place = self.places.acquire().await.ok()?;
-        let is_new = self.ids.lock().unwrap_or_else(PoisonError::into_inner).insert(id.to_owned());
-        is_new.then(|| Held { ids: &self.ids, id: id.to_owned(), _place: place })
-    }
-}
-
-/// An upload in hand.
-struct Held<'a> {
-    ids: &'a Mutex<HashSet<String>>,
-    id: String,
-    _place: SemaphorePermit<'a>,
-}
-
-impl Drop for Held<'_> {
-    fn drop(&mut self) {
-        self.ids.lock().unwrap_or_else(PoisonError::into_inner).remove(&self.id);
-    }
-}
+/// What an upload is to become.
+type Made = Result<(Vec<Draft>, Vec<LeftOut>), FileError>;
 
 impl Uploads {
+    /// Finishes uploads whose bytes are all there, [`AT_ONCE`] at a time, until the service stops: those of this process, and
+    /// what others have left.
+    pub async fn finish_all(self, poll: Duration) {
+        let (mut ticker, mut tasks, mut at_hand) = (interval(poll), JoinSet::new(), HashMap::new());
+        ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            tokio::select! {
+                _ = ticker.tick() => {}
+                () = self.ends.come.notified() => {}
+                Some(done) = tasks.join_next_with_id() => {
+                    let went_well = self.done(&mut at_hand, done);
+                    self.ends.gone.notify_waiters();
+                    if !went_well {
+                        // Not at once again.
+                        continue;
+                    }
+                }
+                () = self.stopping.cancelled() => break,
+            }
+            if let Err(error) = self.finish_waiting(&mut tasks, &mut at_hand).await {
+                tracing::warn!(%error, "cannot look for uploads to be finished; trying again later");
+            }
+        }
+        while tasks.join_next().await.is_some() {}
+    }
+
+    /// Takes an upload out of hand; whether the database answered.
+    fn done(
+        &self,
+        at_hand: &mut HashMap<Id, String>,
+        done: Result<(Id, Result<(), storage::Error>), JoinError>,
+    ) -> bool {
+        let (task, error) = match done {
+            Ok((task, finished)) => (task, finished.err().map(|error| error.to_string())),
+            Err(error) => (error.id(), Some(error.to_string())),
+        };
+        let upload = at_hand.remove(&task);
+        if let Some(error) = &error {
+            tracing::warn!(upload, error, "cannot finish an upload; trying again later");
+        }
+        error.is_none()
+    }
+
+    /// Puts in hand what waits and is not in hand already, which it may be when this process was slow to renew its lease.
+    async fn finish_waiting(
+        &self,
+        tasks: &mut JoinSet<Result<(), storage::Error>>,
+        at_hand: &mut HashMap<Id, String>,
+    ) -> Result<(), storage::Error> {
+        let places = AT_ONCE.saturating_sub(tasks.len());
+        if places == 0 {
+            return Ok(());
+        }
+        let mut waiting = endings::waiting(&self.intake.storage.records).await?;
+        waiting.retain(|id| !at_hand.values().any(|held| held == id));
+        for id in waiting.into_iter().take(places) {
+            let (this, finished) = (self.clone(), id.clone());
+            let task = tasks.spawn(async move { this.finish(&finished).await });
+            at_hand.insert(task.id(), id);
+        }
+        Ok(())
+    }
+
     /// Finishes the upload `id`, if all its bytes are there and nobody else does.
-    ///
-    /// # Errors
-    /// The database did not answer; the upload is finished later.
-    pub async fn finish(&self, id: &str) -> Result<(), storage::Error> {
-        let Some(_held) = self.at_hand.take(id).await else { return Ok(()) };
+    async fn finish(&self, id: &str) -> Result<(), storage::Error> {
         let Some(claim) = endings::claim(&self.intake.storage.records, id, self.lease).await? else {
             return Ok(());
         };
+        if claim.attempt > i64::from(self.max_attempts) {
+            return self.refuse(&claim, &Problem::finishing_lost(self.max_attempts), true).await;
+        }
         let gone = CancellationToken::new();
         let _gone = gone.clone().drop_guard();
-        let made = match claim.attempt > i64::from(self.max_attempts) {
-            true => Err(Problem::finishing_lost(self.max_attempts)),
-            false => match self.mind(&claim, &gone, self.make(&claim, gone.clone())).await {
-                Ok(made) => Ok(made),
-                Err(error) => match self.fate(&claim, &error) {
-                    Fate::Refused => Err(error.into()),
-                    Fate::Again { counted } => return self.put_back(&claim, &error, counted).await,
-                    Fate::Lost => return Ok(()),
-                },
-            },
+        let mut making = pin!(self.make(&claim, gone.clone()));
+        let made = tokio::select! {
+            made = self.mind(&claim, &gone, &mut making) => made,
+            () = self.stopping.cancelled() => return self.let_go(&claim, &gone, making).await,
         };
         match made {
             Ok((drafts, left_out)) => self.take(&claim, drafts, left_out).await,
-            Err(problem) => self.refuse(&claim, &problem).await,
+            Err(error) => match self.fate(&claim, &error) {
+                Fate::Refused => self.refuse(&claim, &error.into(), false).await,
+                Fate::GivenUp => self.refuse(&claim, &error.into(), true).await,
+                Fate::Again { counted } => self.put_back(&claim, &error, counted).await,
+                Fate::Lost => Ok(()),
+            },
         }
+    }
+
+    /// Leaves an upload to others at once, its attempt not counted: this process stops, the upload is not at fault.
+    async fn let_go(
+        &self,
+        claim: &Claim,
+        gone: &CancellationToken,
+        making: impl Future<Output = Made>,
+    ) -> Result<(), storage::Error> {
+        gone.cancel();
+        endings::put_back(&self.intake.storage.records, claim, Duration::ZERO, false).await?;
+        // It may have come to its end all the same.
+        if let Ok((drafts, _)) = making.await {
+            self.forget_unpacked(claim, drafts.iter().map(|draft| draft.ray_set.id.as_str())).await;
+        }
+        Ok(())
     }
 
     /// The end of an upload whose bytes are all there, as far as it comes soon.
     pub(super) async fn ended(&self, tenant: &str, id: &str) -> Result<Upload, Error> {
         let begun = Instant::now();
-        let mut finishing = Some({
-            let (this, id) = (self.clone(), id.to_owned());
-            // A task of its own: who waits for it may go away.
-            tokio::spawn(async move { this.finish(&id).await })
-        });
+        self.ends.come.notify_one();
         loop {
-            if let Some(task) = &mut finishing
-                && timeout(WAIT.saturating_sub(begun.elapsed()), task).await.is_ok()
-            {
-                finishing = None;
-            }
+            let gone = self.ends.gone.notified();
             let upload = uploads::get(&self.intake.storage.records, tenant, id).await?;
             let upload = upload.ok_or_else(|| Error::Missing(id.to_owned()))?;
+            let waits = begun.elapsed() < WAIT && !self.stopping.is_cancelled();
             match upload.state {
                 State::Refused => return Err(Error::Refused(Box::new(refusal(&upload)))),
-                State::Finishing if begun.elapsed() < WAIT => sleep(LOOK).await,
+                State::Finishing if waits => {
+                    let _ = timeout(LOOK, gone).await;
+                }
                 _ => return Ok(upload),
             }
         }
@@ -155,7 +208,7 @@ impl Uploads {
     }
 
     /// The ray sets that an upload is to be.
-    async fn make(&self, claim: &Claim, gone: CancellationToken) -> Result<(Vec<Draft>, Vec<LeftOut>), FileError> {
+    async fn make(&self, claim: &Claim, gone: CancellationToken) -> Made {
         let Claim { tenant, upload, .. } = claim;
         let Storage { records, .. } = &self.intake.storage;
         let extent = Extent::resumed(upload.offset, &upload.sha256_state);
@@ -189,27 +242,28 @@ impl Uploads {
     fn fate(&self, claim: &Claim, error: &FileError) -> Fate {
         use FileError::{LowSpace, Packed, Storage, Unfit};
         use pipeline::Error::{Cancelled, Unreadable};
-        let last = claim.attempt >= i64::from(self.max_attempts);
         match error {
             Unfit(Cancelled) => Fate::Lost,
-            LowSpace | Storage(storage::Error::Full) if last => Fate::Refused,
-            LowSpace | Storage(storage::Error::Full) => Fate::Again { counted: true },
             Unfit(Unreadable(cause)) | Packed(Unreadable(cause))
                 if cause.get_ref().is_some_and(|it| it.is::<JoinError>()) =>
             {
                 // A panic of ours: another attempt will hardly do better.
-                if last { Fate::Refused } else { Fate::Again { counted: true } }
+                let last = claim.attempt >= i64::from(self.max_attempts);
+                if last { Fate::GivenUp } else { Fate::Again { counted: true } }
             }
-            // A store does not answer. One that never will must not keep the upload for ever.
-            Storage(_) | Unfit(Unreadable(_)) | Packed(Unreadable(_)) if claim.is_overdue => Fate::Refused,
-            Storage(_) | Unfit(Unreadable(_)) | Packed(Unreadable(_)) => Fate::Again { counted: false },
+            // A store does not answer, or has no room. One that never will must not keep the upload for ever.
+            LowSpace | Storage(_) | Unfit(Unreadable(_)) | Packed(Unreadable(_)) => match claim.is_overdue {
+                true => Fate::Refused,
+                false => Fate::Again { counted: false },
+            },
             _ => Fate::Refused,
         }
     }
 
     async fn put_back(&self, claim: &Claim, error: &FileError, counted: bool) -> Result<(), storage::Error> {
         tracing::warn!(upload = claim.upload.id, attempt = claim.attempt, %error, "an upload is finished later");
-        endings::put_back(&self.intake.storage.records, claim, self.lease, counted).await
+        let wait = if counted { self.lease } else { back_off(self.lease, claim.fence) };
+        endings::put_back(&self.intake.storage.records, claim, wait, counted).await
     }
 
     /// Makes it known what an upload has become.
@@ -220,52 +274,50 @@ impl Uploads {
         let result = serde_json::to_string(&became).map_err(|error| storage::Error::Records(error.into()))?;
         // Should this fail, rows may or may not name them: only the sweep of garbage can tell.
         let taken = endings::take(records, self.intake.quota, claim, drafts, &result, self.expiry).await?;
-        let unpacked = ids.iter().filter(|other| *other != id);
         if taken != Ok(true) {
-            for unpacked in unpacked {
-                self.intake.forget(unpacked).await;
-            }
+            self.forget_unpacked(claim, ids.iter().map(String::as_str)).await;
         } else if !ids.contains(id) {
             self.intake.forget(id).await;
         }
         match taken {
-            Err(exceeded) => self.refuse(claim, &FileError::from(exceeded).into()).await,
+            Err(exceeded) => self.refuse(claim, &FileError::from(exceeded).into(), false).await,
             Ok(_) => Ok(()),
         }
     }
 
-    async fn refuse(&self, claim: &Claim, problem: &Problem) -> Result<(), storage::Error> {
+    /// Deletes the blobs of ray sets to be, but for those that are the upload's own.
+    async fn forget_unpacked(&self, claim: &Claim, ray_sets: impl Iterator<Item = &str>) {
+        for id in ray_sets.filter(|id| *id != claim.upload.id) {
+            self.intake.forget(id).await;
+        }
+    }
+
+    /// Ends an upload, and its bytes too unless they stay.
+    async fn refuse(&self, claim: &Claim, problem: &Problem, bytes_stay: bool) -> Result<(), storage::Error> {
         let (id, records) = (&claim.upload.id, &self.intake.storage.records);
         let said = serde_json::to_string(problem).map_err(|error| storage::Error::Records(error.into()))?;
-        if endings::refuse(records, claim, &said, self.expiry).await? {
+        if bytes_stay {
+            tracing::error!(
+                upload = id,
+                tenant = claim.tenant,
+                problem = said,
+                "an upload is given up; its bytes stay"
+            );
+            endings::give_up(records, claim, &said, self.expiry).await?;
+        } else if endings::refuse(records, claim, &said, self.expiry).await? {
             self.forget(id, State::Refused).await;
         }
         Ok(())
     }
 
-    /// Finishes what other processes have left, and forgets what nobody goes on with, again and again.
-    pub async fn keep_up(self, poll: Duration) {
-        let mut ticker = interval(poll);
+    /// Forgets what nobody goes on with, and what has ended long ago, again and again.
+    pub async fn keep_up(self) {
+        let mut ticker = interval((self.expiry / 24).clamp(LOOK, EXPIRY_LOOK));
         ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        let every = (self.expiry / 24).min(EXPIRY_LOOK);
-        let mut looked: Option<Instant> = None;
-        while !self.stopping.is_cancelled() {
+        loop {
             ticker.tick().await;
-            if let Err(error) = self.finish_waiting().await {
-                tracing::warn!(%error, "cannot finish uploads; trying again later");
-            }
-            if looked.is_none_or(|looked| looked.elapsed() >= every) {
-                looked = Some(Instant::now());
-                self.expire().await;
-            }
+            self.expire().await;
         }
-    }
-
-    async fn finish_waiting(&self) -> Result<(), storage::Error> {
-        for id in endings::waiting(&self.intake.storage.records).await? {
-            self.finish(&id).await?;
-        }
-        Ok(())
     }
 
     async fn expire(&self) {
@@ -278,5 +330,22 @@ impl Uploads {
             }
             Err(error) => tracing::warn!(%error, "cannot look for uploads whose time is over; trying again later"),
         }
+    }
+}
+
+/// How long to wait after the claim `fence` of an upload: twice as long each time.
+fn back_off(lease: Duration, fence: i64) -> Duration {
+    let earlier = u32::try_from(fence.saturating_sub(1).max(0)).unwrap_or(u32::MAX);
+    lease.saturating_mul(2_u32.saturating_pow(earlier).min(MAX_BACK_OFF))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_attempt_is_waited_for_twice_as_long_each_time_up_to_a_bound() {
+        let leases = [1, 2, 3, 6, 7, 1000, i64::MAX].map(|fence| back_off(Duration::from_secs(1), fence).as_secs());
+        assert_eq!(leases, [1, 2, 4, 32, 32, 32, 32]);
     }
 }

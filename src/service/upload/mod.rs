@@ -284,8 +284,11 @@ impl Intake {
     /// Reads the whole file once, on a thread that may block, until `gone`.
     async fn inspect_and_describe(&self, input: Input, gone: CancellationToken) -> Result<Described, Error> {
         let limits = self.limits;
-        // Never closed: without a place it would go on all the same.
-        let _place = self.inspections.acquire().await;
+        let _place = tokio::select! {
+            // Never closed: without a place it would go on all the same.
+            place = self.inspections.acquire() => place,
+            () = gone.cancelled() => return Err(pipeline::Error::Cancelled.into()),
+        };
         let described = spawn_blocking(move || describe(&input, &limits, &Until(gone)).map_err(in_query));
         Ok(described.await.map_err(|error| pipeline::Error::Unreadable(std::io::Error::other(error)))??)
     }

@@ -7,11 +7,11 @@ use super::super::api::problem::Problem;
 use super::super::crash;
 use super::super::pace::Pace;
 use super::super::storage::parts::Part;
-use super::super::storage::uploads::{self, Added, Addition, New, NoRoom, State, Upload};
+use super::super::storage::uploads::{self, Added, Addition, Beginning, New, NoRoom, State, Upload};
 use super::super::storage::{self, endings, new_id};
 use super::checksum::Checksum;
 use super::extent::Extent;
-use super::finish::AtHand;
+use super::finish::Ends;
 use super::spool::Spool;
 use super::{Announcement, Error as FileError, Intake};
 use bytes::Bytes;
@@ -99,9 +99,9 @@ pub struct Uploads {
     pub lease: Duration,
     /// How often an upload may be begun to be finished before it counts as what kills its process.
     pub max_attempts: u32,
-    /// Those that this process finishes now.
-    pub at_hand: Arc<AtHand>,
-    /// Requests end where they are.
+    /// What this process's requests and its finishing tell each other.
+    pub ends: Arc<Ends>,
+    /// Requests end where they are, and what is being finished is left to others.
     pub stopping: CancellationToken,
 }
 
@@ -111,11 +111,8 @@ impl Uploads {
     /// # Errors
     /// [`Error::TooMany`], [`Error::File`].
     pub async fn create(&self, tenant: &str, metadata: String, whole: Announcement) -> Result<Upload, Error> {
-        if whole.byte_count.is_some_and(|bytes| bytes > self.intake.max_bytes) {
-            return Err(FileError::TooLarge(self.intake.max_bytes).into());
-        }
-        if whole.byte_count == Some(0) {
-            return Err(FileError::Empty.into());
+        if let Some(byte_count) = whole.byte_count {
+            self.fits(byte_count)?;
         }
         if !self.intake.space.has_room_for(whole.byte_count.unwrap_or(0)) {
             return Err(FileError::LowSpace.into());
@@ -145,17 +142,28 @@ impl Uploads {
     ) -> Result<Upload, Error> {
         let records = &self.intake.storage.records;
         if let Some(whole) = piece.whole {
-            self.announce(tenant, id, whole).await?;
+            self.fits(whole)?;
         }
-        let session = new_id();
-        let begun = uploads::begin(records, tenant, id, piece.offset, &session, self.expiry).await?;
-        match begun {
+        let (session, offset, whole) = (new_id(), piece.offset, piece.whole);
+        let beginning = Beginning { tenant, id, session: &session, offset, whole, expiry: self.expiry };
+        match uploads::begin(records, self.intake.quota, &beginning).await?? {
             // Whoever lost the answer to the last byte adds nothing, at the end.
-            None if piece.byte_count == Some(0) && self.ends_at(tenant, id, piece.offset).await? => {}
-            None => return Err(self.why_not(tenant, id).await?),
+            None if piece.byte_count == Some(0) && self.ends_at(tenant, id, offset).await? => {}
+            None => return Err(self.why_not(tenant, id, Some(&piece)).await?),
+            // It ends where it is.
+            Some(upload) if upload.state == State::Finishing => match piece.byte_count {
+                Some(0) => {}
+                _ => return Err(Error::Complete),
+            },
             Some(upload) => {
                 let checked = piece.checksum.is_some();
-                let mut writing = self.writing(tenant, &upload, &session).await?;
+                let mut writing = match self.writing(tenant, &upload, &session).await {
+                    // The part that was to be continued goes with the request that made it another.
+                    Err(_) if !uploads::goes_on(records, id, &session).await? => {
+                        return Err(self.why_not(tenant, id, None).await?);
+                    }
+                    writing => writing?,
+                };
                 let came = writing.receive(&mut piece, body).await;
                 writing.end(came, checked).await?;
             }
@@ -178,6 +186,17 @@ impl Uploads {
         Ok(())
     }
 
+    /// The same for one whose sender never heard of it, unless it has become ray sets.
+    pub async fn abandon(&self, tenant: &str, id: &str) {
+        match endings::abandon(&self.intake.storage.records, tenant, id).await {
+            Ok(Some(was)) => self.forget(id, was).await,
+            Ok(None) => {}
+            Err(error) => {
+                tracing::warn!(upload = id, %error, "an upload that nobody knows of stays until its time is over");
+            }
+        }
+    }
+
     /// Deletes the blobs of an upload whose row is gone. Of one that was taken, they are a ray set's.
     pub(super) async fn forget(&self, id: &str, was: State) {
         if was != State::Taken {
@@ -185,23 +204,12 @@ impl Uploads {
         }
     }
 
-    /// Says how long an upload is for which this was left open.
-    async fn announce(&self, tenant: &str, id: &str, whole: u64) -> Result<(), Error> {
-        let Intake { storage, quota, max_bytes, .. } = &self.intake;
-        if whole > *max_bytes {
-            return Err(FileError::TooLarge(*max_bytes).into());
-        }
-        if whole == 0 {
-            return Err(FileError::Empty.into());
-        }
-        if uploads::announce(&storage.records, tenant, *quota, id, whole).await?? {
-            return Ok(());
-        }
-        match uploads::get(&storage.records, tenant, id).await? {
-            // Said again by one who lost the answer.
-            Some(upload) if upload.byte_count == Some(whole) => Ok(()),
-            Some(_) => Err(Error::Length),
-            None => Err(Error::Missing(id.to_owned())),
+    /// Whether a file may be so long.
+    fn fits(&self, whole: u64) -> Result<(), FileError> {
+        match whole {
+            0 => Err(FileError::Empty),
+            _ if whole > self.intake.max_bytes => Err(FileError::TooLarge(self.intake.max_bytes)),
+            _ => Ok(()),
         }
     }
 
@@ -212,11 +220,16 @@ impl Uploads {
         Ok(upload.is_some_and(|upload| complete(&upload) && upload.offset == offset))
     }
 
-    /// Why nothing can be added at an offset.
-    async fn why_not(&self, tenant: &str, id: &str) -> Result<Error, Error> {
+    /// Why nothing can be added; `piece` is what did not even begin.
+    async fn why_not(&self, tenant: &str, id: &str, piece: Option<&Piece>) -> Result<Error, Error> {
         let upload = uploads::get(&self.intake.storage.records, tenant, id).await?;
         let upload = upload.ok_or_else(|| Error::Missing(id.to_owned()))?;
+        let is_its_length = |whole| upload.offset <= whole && upload.byte_count.is_none_or(|known| known == whole);
+        let is_here = piece.filter(|piece| piece.offset == upload.offset);
         Ok(match upload.state {
+            State::Receiving if is_here.and_then(|piece| piece.whole).is_some_and(|it| !is_its_length(it)) => {
+                Error::Length
+            }
             State::Receiving => Error::Offset { at: upload.offset },
             State::Finishing | State::Taken => Error::Complete,
             State::Refused => Error::Refused(Box::new(refusal(&upload))),
@@ -277,7 +290,7 @@ impl Writing<'_> {
         body: impl Stream<Item = Result<Bytes, E>>,
     ) -> Result<(), Error> {
         let whole = self.upload.byte_count.unwrap_or(u64::MAX);
-        if piece.byte_count.is_some_and(|bytes| bytes > whole - self.upload.offset) {
+        if piece.byte_count.is_some_and(|bytes| bytes > whole.saturating_sub(self.upload.offset)) {
             return Err(Error::Beyond(whole));
         }
         let (mut body, mut pace) = (pin!(body), Pace::new(self.uploads.intake.slowest));
@@ -361,7 +374,7 @@ impl Writing<'_> {
         self.delete(&parts).await;
         match added {
             Added::NoRoom(exceeded) => Err(exceeded.into()),
-            _ => Err(self.uploads.why_not(self.tenant, &self.upload.id).await?),
+            _ => Err(self.uploads.why_not(self.tenant, &self.upload.id, None).await?),
         }
     }
 
