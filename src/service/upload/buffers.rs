@@ -92,6 +92,7 @@ mod tests {
             first.take_back(lent);
             assert!(first.is_empty());
             first.fill(&piece);
+            first.fill(&piece);
             assert_eq!(first.as_ptr(), memory);
         }
         drop(first);

@@ -13,7 +13,7 @@ impl Problem {
             .remedy("It may have been deleted, or its time may be over: begin another.")
     }
 
-    /// The upload was refused, and its bytes are gone.
+    /// The upload was refused: nothing can be added.
     pub fn gone(id: &str) -> Problem {
         let detail = format!("The upload {id} was refused.");
         Problem::new(StatusCode::GONE, "upload.refused", "The upload was refused", detail)
@@ -36,7 +36,7 @@ impl Problem {
         let detail = format!("The process that read this file disappeared {attempts} times.");
         let status = StatusCode::INTERNAL_SERVER_ERROR;
         Problem::new(status, "upload.finishing_lost", "The file ends the process that reads it", detail)
-            .remedy("See the service's log and memory; this file may need more than there is.")
+            .remedy("See the service's log and memory. The bytes of the file stay until the upload expires.")
     }
 }
 
