@@ -8,6 +8,7 @@ use base64::engine::general_purpose::STANDARD as BASE64;
 use futures::stream;
 use lampwright::service::Config;
 use lampwright::service::storage::records::sql;
+use lampwright::service::upload::PART_BYTES;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::convert::Infallible;
@@ -33,14 +34,14 @@ fn in_chunks(bytes: &[u8], size: usize) -> Body {
 async fn chunks_of_any_size_make_the_same_ray_set() {
     let site = Site::start(prompt()).await;
     let file = rays::zemax(400_000);
-    for size in [1 << 14, 65_537, (8 << 20) - 1, 8 << 20, 1 << 30] {
+    for size in [1 << 14, 65_537, PART_BYTES - 1, PART_BYTES, 1 << 30] {
         let reply = send(&site, &[], in_chunks(&file, size)).await;
         assert_eq!(reply.status, StatusCode::CREATED, "{size}: {reply:?}");
         assert_eq!(reply.ray_set()["sha256"], sha256(&file));
         assert_eq!(reply.ray_set()["byte_count"], file.len());
         assert_eq!(reply.ray_set()["name"], "rays");
     }
-    assert_eq!(site.blobs().len(), 5 * 2);
+    assert_eq!(site.blobs().len(), 5 * file.len().div_ceil(PART_BYTES));
 }
 
 #[tokio::test(flavor = "multi_thread")]

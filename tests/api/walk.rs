@@ -3,6 +3,7 @@ use crate::runners::{Gate, held, pattern, prompt, sha256};
 use crate::site::Site;
 use axum::http::StatusCode;
 use lampwright::service::storage::records::sql;
+use lampwright::service::upload::PART_BYTES;
 use serde_json::json;
 
 #[tokio::test(flavor = "multi_thread")]
@@ -92,7 +93,7 @@ async fn many_parts_are_read_as_one_file() {
     let site = Site::start(prompt()).await;
     let file = rays::zemax(700_000);
     let id = site.upload(file.clone()).await.id();
-    assert_eq!(site.blobs().len(), file.len().div_ceil(8 << 20));
+    assert_eq!(site.blobs().len(), file.len().div_ceil(PART_BYTES));
     let job = site.job(&id).await;
     site.until_state(&job, "succeeded").await;
     let read = site.get(&format!("/v1/jobs/{job}/artifacts/read.txt")).await;
