@@ -349,7 +349,7 @@ fn a_store_without_room_says_so_and_keeps_what_it_has() {
     assert_eq!(ended(&node.address, &job)["state"], "succeeded");
     ledger.job(&node, &ray_file(3));
     // Less is always possible: a job that waits or runs is cancelled, and what it gave, and its rays, are deleted.
-    let unwanted = ledger.upload(&node.address, &ray_file_of(200_000, 4)).unwrap();
+    let unwanted = ledger.upload(&node.address, &ray_file_of(100_000, 4)).unwrap();
     let long = ledger.submit(&node.address, &unwanted).unwrap();
     let asked = |method: &str, path: &str| http::ask(&node.address, method, path, &[], b"").unwrap().status;
     assert_eq!(asked("POST", &format!("/v1/jobs/{long}/cancel")), 202);
