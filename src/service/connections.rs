@@ -9,17 +9,18 @@ use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
+use std::future::poll_fn;
 use std::io;
 use std::net::SocketAddr;
-use std::pin::{Pin, pin};
+use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
-use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::io::{AsyncRead, AsyncWrite, AsyncWriteExt, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::task::JoinSet;
-use tokio::time::{Sleep, sleep};
+use tokio::time::{Sleep, sleep, timeout};
 use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
 
@@ -96,23 +97,37 @@ async fn answer(
     let service = service_fn(move |request: Request<Incoming>| {
         let mut request = request.map(Body::new);
         request.extensions_mut().insert(Peer(peer));
-        router.clone().oneshot(request)
+        Box::pin(router.clone().oneshot(request))
     });
     let mut builder = http1::Builder::new();
     builder.timer(TokioTimer::new()).header_read_timeout(bounds.head);
     builder.max_headers(MAX_HEADERS).max_header_size(MAX_HEAD_BYTES);
     let stream = TokioIo::new(Unread { stream, longest: bounds.unread, waiting: None });
-    let mut connection = pin!(builder.serve_connection(stream, service));
-    let ended = tokio::select! {
-        ended = connection.as_mut() => ended,
-        () = draining.cancelled() => {
-            connection.as_mut().graceful_shutdown();
-            connection.await
+    let mut connection = builder.serve_connection(stream, service);
+    let answered = async {
+        let ended = tokio::select! {
+            ended = poll_fn(|cx| connection.poll_without_shutdown(cx)) => ended,
+            () = draining.cancelled() => {
+                Pin::new(&mut connection).graceful_shutdown();
+                return poll_fn(|cx| connection.poll_without_shutdown(cx)).await;
+            }
+        };
+        if ended.as_ref().map_or_else(hyper::Error::is_parse, |()| true) {
+            let _ = timeout(bounds.head, linger(connection.into_parts().io.into_inner())).await;
         }
+        ended
     };
-    if let Err(error) = ended {
+    if let Err(error) = answered.await {
         tracing::debug!(%peer, %error, "a connection ended early");
     }
+}
+
+/// Reads on until the other end has closed too. A connection closed with bytes unread, those of a refused body, is reset, and
+/// the client sees that instead of why it was refused.
+async fn linger(mut stream: Unread) -> io::Result<()> {
+    stream.shutdown().await?;
+    tokio::io::copy(&mut stream, &mut tokio::io::sink()).await?;
+    Ok(())
 }
 
 /// A client that went away before it was taken is nothing; a system without files or memory is given time.

@@ -162,6 +162,27 @@ async fn an_upload_that_only_drips_gives_up_its_place_and_one_that_is_merely_slo
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn who_sends_on_after_a_refusal_can_read_it() {
+    let mut site = Site::start_as(bounded(ROOMY), prompt()).await;
+    let service = Listening::on(&mut site);
+    let bytes = vec![b' '; 8 << 20];
+    let head = format!(
+        "POST /v1/jobs HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nContent-Length: {}\r\n\r\n",
+        bytes.len()
+    );
+    let mut stream = service.open(head.as_bytes()).await;
+    // Long after the answer, which most clients read only when they have sent all.
+    tokio::time::sleep(Duration::from_millis(300)).await;
+    for piece in bytes.chunks(1 << 20) {
+        stream.write_all(piece).await.unwrap();
+    }
+    let answer = ended(&mut stream).await;
+    assert!(answer.starts_with("HTTP/1.1 413"), "{answer}");
+    drop(stream);
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_body_is_asked_for_only_when_it_is_wanted() {
     // RFC 9110, section 10.1.1: a final status, at once, or 100 first.
     let change = |config: Config| Config {
