@@ -3,9 +3,10 @@
 //! Two halves and one arrow: [`service`] accepts bytes, keeps them and queues jobs; its worker calls [`pipeline::run`],
 //! which knows nothing of the world. [`command`] is the command line. `src/README.md` is the map.
 
-/// Rays in, model and artifacts out: pure computation.
-pub mod pipeline;
 /// Sockets, disk and time: everything asynchronous.
 pub mod service;
 /// The command line's verbs.
 pub mod command;
+
+/// Rays in, model and artifacts out: pure computation.
+pub use lampwright_pipeline as pipeline;

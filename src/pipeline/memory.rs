@@ -131,8 +131,8 @@ impl Spectrum {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::rays::declared::Column;
-    use crate::pipeline::vocabulary::spectrum::Table;
+    use crate::rays::declared::Column;
+    use crate::vocabulary::spectrum::Table;
     use serde_json::json;
 
     /// What a file claims; where its rays have wavelengths, they are visible light.

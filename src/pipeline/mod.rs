@@ -1,7 +1,7 @@
 //! Rays in, model and artifacts out. Pure: no disk, no clock, no network, no async; bytes come from a reader it is
 //! handed, randomness from a seed, parallelism from rayon's ambient pool. `README.md` has the conventions.
 //!
-//! Reading order is the order of the flow; each module may name only those above it (`tests/architecture.rs`).
+//! Reading order is the order of the flow; each module may name only those above it (`tests/architecture`).
 
 /// Words that at least two stages speak.
 pub mod vocabulary;

@@ -241,14 +241,14 @@ mod every_rule_can_fail {
     fn arrows_point_up_the_table_only() {
         for wrong in [
             "use super::super::flux::Surface;",
-            "use crate::pipeline::flux;",
+            "use crate::flux;",
             "use super::super::{vocabulary::units, flux::{bvh}};",
-            "fn f() -> crate::pipeline::flux::Surface { g() }",
+            "fn f() -> crate::flux::Surface { g() }",
             "fn f() { let _ = format!(\"{}\", super::super::flux::count()); }",
             "use super::super as door; fn f() { door::flux::count() }",
             "use super::super::Options;",
             "use super::super::*;",
-            "fn f() { crate::service::start() }",
+            "fn f() { lampwright::service::start() }",
             "mod inner { use super::super::super::flux::Surface; }",
             "mod tests { fn f() { lampwright::command::serve() } }",
         ] {
@@ -256,6 +256,7 @@ mod every_rule_can_fail {
         }
         for right in [
             "use super::super::vocabulary::units::Flux; use super::super::{Error, Input}; use super::source::Ray;",
+            "use crate::vocabulary::units::Flux; use crate::Input;",
             "fn f() { let flux = 1; let _ = format!(\"{flux}\"); }",
             "mod flux { pub fn count() {} } fn f() { flux::count() }",
         ] {

@@ -6,6 +6,9 @@ use std::path::Path;
 use syn::buffer::{Cursor, TokenBuffer};
 use syn::visit::{self, Visit};
 
+/// The folder that is a package of its own.
+const PIPELINE: &str = "pipeline";
+
 /// Where a path leads.
 #[derive(Debug, PartialEq)]
 pub enum Target {
@@ -176,7 +179,7 @@ impl Reader {
         }
         let visible = if rename == "self" { path.last().cloned().unwrap_or_default() } else { rename.to_string() };
         self.import(&visible, path.clone());
-        if public && self.module == ["pipeline"] {
+        if public && self.module == [PIPELINE] {
             self.front_door.insert(visible);
         }
         self.add(path, true);
@@ -236,7 +239,11 @@ impl Reader {
         let (first, rest) = segments.split_first()?;
         let below = |base: &[String], rest: &[String]| Absolute::Ours([base, rest].concat());
         match first.as_str() {
-            "crate" | "lampwright" => return Some(below(&[], rest)),
+            "lampwright" => return Some(below(&[], rest)),
+            // The computation is a package of its own, and `pipeline` its name everywhere else.
+            "crate" => {
+                return Some(below(&module[..usize::from(module.first().is_some_and(|top| top == PIPELINE))], rest));
+            }
             "self" => return Some(below(module, rest)),
             "super" => {
                 let parent = &module[..module.len().saturating_sub(1)];
@@ -280,15 +287,16 @@ enum Absolute {
     Foreign(Vec<String>),
 }
 
-/// Crates that a path may begin with: the standard ones and every dependency in `Cargo.toml`.
+/// Crates that a path may begin with: the standard ones and every dependency in one of the `Cargo.toml`.
 fn declared_crates() -> BTreeSet<String> {
     let mut names: BTreeSet<String> = ["std", "core", "alloc"].map(str::to_owned).into();
     let mut listed = false;
-    for line in include_str!("../../Cargo.toml").lines() {
+    let manifests = [include_str!("../../Cargo.toml"), include_str!("../../src/pipeline/Cargo.toml")];
+    for line in manifests.into_iter().flat_map(str::lines) {
         if line.starts_with('[') {
             listed = line.ends_with("dependencies]");
         } else if let (true, Some((name, _))) = (listed, line.split_once(" = ")) {
-            names.insert(name.replace('-', "_"));
+            names.insert(name.trim_end_matches(".workspace").replace('-', "_"));
         }
     }
     names
@@ -335,7 +343,7 @@ impl<'ast> Visit<'ast> for Reader {
             syn::Item::Const(item) => Some((&item.vis, &item.ident)),
             _ => None,
         };
-        if let Some((syn::Visibility::Public(_), ident)) = named.filter(|_| self.module == ["pipeline"]) {
+        if let Some((syn::Visibility::Public(_), ident)) = named.filter(|_| self.module == [PIPELINE]) {
             self.front_door.insert(ident.to_string());
         }
         visit::visit_item(self, item);

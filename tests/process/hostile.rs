@@ -7,8 +7,8 @@ use crate::rays::zemax;
 use crate::server::{Server, lampwright};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
-use std::io::{Read, Write};
-use std::net::{Shutdown, TcpStream};
+use std::io::{BufRead, BufReader, Write};
+use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -38,12 +38,11 @@ impl Target {
     fn raw(&self, request: &[u8]) -> u16 {
         let mut stream = TcpStream::connect(&self.server.address).unwrap();
         stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
-        // The other end may have closed before all is sent.
-        let _ = stream.write_all(request).and_then(|()| stream.shutdown(Shutdown::Write));
-        let mut answer = Vec::new();
-        let _ = stream.read_to_end(&mut answer);
-        let answer = String::from_utf8_lossy(&answer).into_owned();
-        answer.split(' ').nth(1).map_or(0, |status| status.parse().unwrap())
+        // The other end may have closed before all is sent; closing ours would tell it that nobody waits for an answer.
+        let _ = stream.write_all(request);
+        let mut line = Vec::new();
+        let _ = BufReader::new(stream).read_until(b'\n', &mut line);
+        String::from_utf8_lossy(&line).split(' ').nth(1).map_or(0, |status| status.parse().unwrap())
     }
 
     /// It answers, and does what it is for.

@@ -201,8 +201,8 @@ impl Edge {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::hull::Label;
-    use crate::pipeline::vocabulary::notice::Notices;
+    use crate::hull::Label;
+    use crate::vocabulary::notice::Notices;
     use glam::DVec3;
 
     fn hull(vertices_mm: &[DVec3], triangles: &[[u32; 3]]) -> Hull {

@@ -1,7 +1,7 @@
 //! Clouds with known surfaces. Expected areas, parts and Euler characteristics are closed forms of the shapes.
 
 use super::*;
-use crate::pipeline::vocabulary::watch::{Stage, Unwatched};
+use crate::vocabulary::watch::{Stage, Unwatched};
 use glam::{DVec3, Vec3Swizzles};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};

@@ -1,13 +1,12 @@
 //! What every target does: bytes to the front door of the pipeline, and what must hold whatever the bytes are.
 
-/// The computation, as the product has it.
-#[path = "../../../src/pipeline/mod.rs"]
-pub mod pipeline;
 /// Mutations that keep what a reader proves first: magic, counts and lengths, directions.
 pub mod repair;
 /// Files to begin with.
 pub mod seeds;
 
+/// The computation, as the product has it.
+pub use lampwright_pipeline as pipeline;
 pub use libfuzzer_sys;
 
 use pipeline::rays::RawRay;

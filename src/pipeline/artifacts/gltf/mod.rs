@@ -247,8 +247,7 @@ mod tests {
     #[test]
     fn infrared_is_shown_in_grey_not_in_black() {
         let mut model = fixture::model();
-        model.spectral.bands =
-            crate::pipeline::vocabulary::spectrum::Bands::new(vec![840.0, 850.0, 860.0, 870.0]).unwrap();
+        model.spectral.bands = crate::vocabulary::spectrum::Bands::new(vec![840.0, 850.0, 860.0, 870.0]).unwrap();
         model.surface.vertices.luminous_lm = None;
         assert_eq!(colors(&model).linear_srgb.iter().flatten().copied().fold(0.0, f32::max), 1.0);
     }

@@ -5,7 +5,7 @@ use super::super::totals::{EFFICACY_NOTICED, LIKELY_SIZE_MM, RATIO_NOTICED};
 use super::super::{SpectralData, TotalRule};
 use super::origins::Origins;
 use super::{Facts, Inspection};
-use crate::pipeline::error::Fault;
+use crate::error::Fault;
 use glam::DVec3;
 use serde::Serialize;
 

@@ -2,7 +2,7 @@
 //! seeds are fixed, and each |z| < 5 has a false-alarm rate of 6e-7 for a new seed.
 
 use super::*;
-use crate::pipeline::rays::survey::DirectionCube;
+use crate::rays::survey::DirectionCube;
 
 const RAYS: u64 = 1 << 17;
 
@@ -29,7 +29,7 @@ fn integral_over_cell(cell: usize, f: impl Fn(DVec3) -> f64) -> f64 {
     const FINE: usize = 16;
     let middle = DirectionCube::center(cell);
     let axis = Axis::nearest(middle);
-    let (k, half) = (axis.component(), 1.0 / crate::pipeline::rays::survey::CUBE_CELLS as f64);
+    let (k, half) = (axis.component(), 1.0 / crate::rays::survey::CUBE_CELLS as f64);
     let on_face = middle / middle[k].abs();
     let (u, v) = ((k + 1) % 3, (k + 2) % 3);
     let offset = |i: usize| half * ((2 * i + 1) as f64 / FINE as f64 - 1.0);

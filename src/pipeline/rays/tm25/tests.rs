@@ -2,7 +2,7 @@
 
 use super::super::Records;
 use super::*;
-use crate::pipeline::rays::RawRay;
+use crate::rays::RawRay;
 use header::Flags;
 use writer::Writer;
 
@@ -129,7 +129,7 @@ fn every_prefix_is_refused_with_its_byte() {
         let rest = (PREAMBLE as usize..bytes.len()).step_by(4).chain([layout.start() as usize - 1, bytes.len() - 1]);
         for length in fields.chain(texts).chain(rest).filter(|length| *length < bytes.len()) {
             let prefix = bytes[..length].to_vec();
-            let error = crate::pipeline::rays::open(Arc::new(prefix), &Default::default(), &Limits::default()).err();
+            let error = crate::rays::open(Arc::new(prefix), &Default::default(), &Limits::default()).err();
             let Some(Error::Malformed(fault)) = error else { panic!("{length}: {error:?}") };
             assert!(fault.at.is_some(), "{length}: {fault:?}");
         }
