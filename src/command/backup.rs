@@ -34,7 +34,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     match copied.deleted {
         0 => Ok(()),
         deleted => output::print(format_args!(
-            "{} ray sets and jobs were deleted meanwhile and are not in it\n",
+            "{} ray sets, jobs and uploads were deleted meanwhile and are not in it\n",
             count(deleted)
         )),
     }
@@ -45,6 +45,7 @@ impl From<Error> for Failure {
         let (code, remedy) = match &error {
             Error::Elsewhere => ("backup.elsewhere", "Use pg_dump, then copy the bucket: rows first, blobs second."),
             Error::Missing(_) => ("backup.missing_blob", "The store is damaged: restore it from an earlier backup."),
+            Error::Outrun => ("backup.outrun", "Run it again: what is copied stays, and there is less left."),
             Error::Disk { .. } => ("backup.disk", "Name another folder with --to, or see to its room and permissions."),
             Error::Storage(_) => ("backup.stores", "See that --data names the service's data folder."),
         };

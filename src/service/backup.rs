@@ -1,7 +1,8 @@
 //! A copy of everything, taken while the service runs: first the rows, as they are at one moment, then every blob that they
 //! name. A blob is written before its row and never changed, so all of them are there, but for those that somebody deletes
 //! meanwhile; what they belong to is deleted from the copy too. The short last part of an upload goes with the request that
-//! goes on with it: such an upload is copied as it is then. The copy is a data folder: to restore is to serve it.
+//! goes on with it: such an upload is copied as it is then. Where it has become ray sets by then, of which these rows know
+//! nothing, those of a later moment are taken. The copy is a data folder: to restore is to serve it.
 
 use super::Config;
 use super::storage::Storage;
@@ -10,6 +11,9 @@ use std::collections::HashSet;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
+
+/// Moments that are tried: a later one has little left to copy, and is hardly outrun.
+const MOMENTS: u32 = 5;
 
 /// Why there is no backup.
 #[derive(Debug, thiserror::Error)]
@@ -20,6 +24,9 @@ pub enum Error {
     /// A row names a blob that is not there.
     #[error("the blob {0} is missing from the store")]
     Missing(String),
+    /// Uploads became ray sets faster than they were copied.
+    #[error("an upload became a ray set while it was copied, again and again")]
+    Outrun,
     /// The disk said no.
     #[error("{}: {error}", path.display())]
     Disk {
@@ -59,9 +66,7 @@ pub async fn backup(config: &Config, to: &Path) -> Result<Copied, Error> {
         return Err(Error::Elsewhere);
     }
     let storage = Storage::open(&config.database_url(), &config.storage_url()).await?;
-    let copy = snapshot(&storage.records, to).await?;
-    let copied = fill(&storage, &blobs, &copy, &to.join("blobs")).await;
-    copy.close().await;
+    let copied = copy_all(&storage, &blobs, to).await;
     storage.records.close().await;
     let copied = copied?;
     let (new, whole) = (new_file(to), to.join("service.db"));
@@ -79,6 +84,22 @@ fn new_file(to: &Path) -> PathBuf {
     to.join("service.db.new")
 }
 
+/// Copies the rows of a moment and every blob they name.
+async fn copy_all(live: &Storage, from: &Path, to: &Path) -> Result<Copied, Error> {
+    let mut earlier = Copied::default();
+    for _ in 0..MOMENTS {
+        let copy = snapshot(&live.records, to).await?;
+        let mut copied = Copied { fresh: earlier.fresh, fresh_bytes: earlier.fresh_bytes, ..Copied::default() };
+        let filled = fill(live, from, &copy, &to.join("blobs"), &mut copied).await;
+        copy.close().await;
+        match filled {
+            Err(Error::Outrun) => earlier = copied,
+            filled => return filled.map(|()| copied),
+        }
+    }
+    Err(Error::Outrun)
+}
+
 /// The rows of one moment, as a database of their own.
 async fn snapshot(records: &Records, to: &Path) -> Result<Records, Error> {
     fs::create_dir_all(to).map_err(|error| Error::Disk { path: to.to_owned(), error })?;
@@ -91,8 +112,7 @@ async fn snapshot(records: &Records, to: &Path) -> Result<Records, Error> {
 }
 
 /// Copies every blob that `copy` names from the folder `from` to the folder `to`.
-async fn fill(live: &Storage, from: &Path, copy: &Records, to: &Path) -> Result<Copied, Error> {
-    let mut copied = Copied::default();
+async fn fill(live: &Storage, from: &Path, copy: &Records, to: &Path, copied: &mut Copied) -> Result<(), Error> {
     let named = "SELECT blob FROM parts UNION ALL SELECT blob FROM artifacts UNION ALL SELECT blob FROM upload_parts";
     for row in copy.read(sql(named)).await? {
         let blob = row.text("blob")?;
@@ -102,11 +122,11 @@ async fn fill(live: &Storage, from: &Path, copy: &Records, to: &Path) -> Result<
         if is_named(&live.records, &blob).await? {
             return Err(Error::Missing(blob));
         }
-        if !follow(live, from, copy, to, &blob, &mut copied).await? {
+        if !follow(live, from, copy, to, &blob, copied).await? {
             copied.deleted += forget(copy, &blob).await?;
         }
     }
-    Ok(copied)
+    Ok(())
 }
 
 impl Copied {
@@ -128,7 +148,7 @@ impl Copied {
 }
 
 /// Copies the upload that `blob` belongs to anew, as it is now, until nothing of it is replaced meanwhile; false when it
-/// belongs to none, or that has ended.
+/// belongs to none, or that is gone. [`Error::Outrun`] when it has become ray sets.
 async fn follow(
     live: &Storage,
     from: &Path,
@@ -146,7 +166,13 @@ async fn follow(
                WHERE id = $1 AND state IN ('receiving', 'finishing') ORDER BY number";
     'again: loop {
         let parts = live.records.read(sql(now).bind(upload.as_str())).await?;
-        let Some(first) = parts.first() else { return Ok(false) };
+        let Some(first) = parts.first() else {
+            let taken = sql("SELECT id FROM uploads WHERE id = $1 AND state = 'taken'").bind(upload.as_str());
+            return match live.records.read_one(taken).await? {
+                Some(_) => Err(Error::Outrun),
+                None => Ok(false),
+            };
+        };
         let there = sql("SELECT blob FROM upload_parts WHERE upload_id = $1").bind(upload.as_str());
         let there = copy.read(there).await?.iter().map(|row| row.text("blob")).collect::<Result<HashSet<_>, _>>()?;
         for part in &parts {

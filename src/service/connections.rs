@@ -31,12 +31,15 @@ const MAX_HEADERS: usize = 64;
 /// Rest after the system had no connection to give.
 const REST: Duration = Duration::from_secs(1);
 
+/// Longest time for who sends on after an answer while the service stops.
+const LAST: Duration = Duration::from_secs(1);
+
 /// What connections may ask of this process.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {
     /// Connections at once; more wait in the system's queue.
     pub connections: usize,
-    /// Longest time for the head of a request, and longest rest between two.
+    /// Longest time for the head of a request, for the rest between two, and for who sends on after an answer.
     pub head: Duration,
     /// Longest time that a client may read nothing of its answer.
     pub unread: Duration,
@@ -109,11 +112,14 @@ async fn answer(
             ended = poll_fn(|cx| connection.poll_without_shutdown(cx)) => ended,
             () = draining.cancelled() => {
                 Pin::new(&mut connection).graceful_shutdown();
-                return poll_fn(|cx| connection.poll_without_shutdown(cx)).await;
+                poll_fn(|cx| connection.poll_without_shutdown(cx)).await
             }
         };
         if ended.as_ref().map_or_else(hyper::Error::is_parse, |()| true) {
-            let _ = timeout(bounds.head, linger(connection.into_parts().io.into_inner())).await;
+            tokio::select! {
+                _ = timeout(bounds.head, linger(connection.into_parts().io.into_inner())) => {}
+                () = async { draining.cancelled().await; sleep(LAST).await } => {}
+            }
         }
         ended
     };

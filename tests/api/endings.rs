@@ -351,6 +351,19 @@ async fn deleting_ends_an_upload_and_keeps_what_it_became() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn what_was_announced_is_taken_though_the_quota_has_filled_meanwhile() {
+    let site = Site::start(prompt()).await;
+    let file = rays::zemax(400);
+    let at = begin(&site, file.len(), &[]).await;
+    append(&site, &at, 0, file[..5000].to_vec(), &[]).await;
+    let full = "INSERT INTO tenants (id, stored_bytes) VALUES ('default', 1) \
+                ON CONFLICT (id) DO UPDATE SET stored_bytes = excluded.stored_bytes";
+    site.write(sql(full)).await;
+    append(&site, &at, 5000, file[5000..].to_vec(), &[]).await;
+    assert_eq!(site.get(&format!("/v1/ray-sets/{}", id(&at))).await.json()["sha256"], sha256(&file));
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_backup_of_half_an_upload_goes_on() {
     let mut site = Site::start(prompt()).await;
     if !site.config.is_alone() {
@@ -402,4 +415,32 @@ async fn a_backup_has_an_upload_whose_end_is_written_meanwhile() {
     append(&site, &at, came, file[came..].to_vec(), &[]).await;
     let ray_set = site.get(&format!("/v1/ray-sets/{}", id(&at))).await.json();
     assert_eq!(ray_set["sha256"], sha256(&file));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_backup_has_an_upload_that_ends_meanwhile() {
+    let mut site = Site::start(prompt()).await;
+    if !site.config.is_alone() {
+        return;
+    }
+    // Blobs that are copied before it.
+    for _ in 0..30 {
+        site.ray_set().await;
+    }
+    // Its bytes go when what is in it is kept.
+    let packed = zip(&[("one.dat", &rays::zemax(200)), ("two.dat", &rays::zemax(300))]);
+    let last = packed.len() - 10;
+    let at = begin(&site, packed.len(), &[]).await;
+    append(&site, &at, 0, packed[..last].to_vec(), &[]).await;
+    let to = site.folder.path().join("copy");
+    let (copied, _) = tokio::join!(backup(&site.config, &to), append(&site, &at, last, packed[last..].to_vec(), &[]));
+    assert_eq!(copied.unwrap().deleted, 0);
+    site.kill().await;
+    site.config.data = to;
+    site.restart(prompt()).await;
+    if offset(&site, &at).await == last {
+        append(&site, &at, last, packed[last..].to_vec(), &[]).await;
+    }
+    let upload = until(&site, &at, |upload| upload["state"] == "taken").await;
+    assert_eq!(upload["ray_sets"].as_array().map(Vec::len), Some(2), "{upload}");
 }

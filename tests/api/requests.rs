@@ -183,13 +183,13 @@ async fn what_is_not_there_is_not_found() {
 async fn the_character_that_no_text_may_hold_is_refused_wherever_it_comes() {
     let site = Site::start(prompt()).await;
     site.get("/v1/jobs/%00").await.is_problem(400, "request.malformed_path");
-    site.get("/v1/jobs?after=%00").await.is_problem(422, "request.wrong_type");
+    site.get("/v1/jobs?after=%00").await.is_problem(422, "request.null_character");
     site.post("/v1/webhooks", &json!({ "url": "https://a.example/", "description": "\0" }))
         .await
-        .is_problem(422, "request.wrong_type");
+        .is_problem(422, "request.null_character");
     site.post("/v1/jobs", &json!({ "channels": [{ "ray_set": "x", "name": "a\0" }] }))
         .await
-        .is_problem(422, "request.wrong_type");
+        .is_problem(422, "request.null_character");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -11,8 +11,8 @@ ROOT = Path(__file__).resolve().parents[2]
 BINARY = os.environ.get("LAMPWRIGHT", str(ROOT / "target/debug/lampwright"))
 TENANT = "lab"
 SCOPES = ["uploads:read", "uploads:write", "jobs:read", "jobs:write", "webhooks:read", "webhooks:write", "metrics:read"]
-# Neither asks how often nor how much: the bounds of one key are tests/api's.
-UNBOUNDED = ["--rate", "1000000", "--burst", "1000000", "--quota-queued", "1000000"]
+# Neither asks how often nor how much nor how long: the bounds of one key are tests/api's.
+UNBOUNDED = ["--rate", "1000000", "--burst", "1000000", "--quota-queued", "1000000", "--job-timeout", "4294967295"]
 PATIENCE_S = 240
 
 

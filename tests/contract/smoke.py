@@ -63,7 +63,7 @@ assert get_origins_drawing.sync(str(ray_set.id), client=client).startswith("<svg
 
 ray_sets = list_ray_sets.sync(client=client, limit=1)
 assert isinstance(ray_sets, RaySetList) and [one.id for one in ray_sets.ray_sets] == [ray_set.id], ray_sets
-jobs = list_jobs.sync(client=client, state=State.SUCCEEDED)
+jobs = list_jobs.sync(client=client, state=[State.SUCCEEDED])
 assert isinstance(jobs, JobList) and [one.id for one in jobs.jobs] == [job.id] and jobs.next_ is None, jobs
 
 missing = get_job.sync("00000000-0000-7000-8000-000000000000", client=client)

@@ -124,11 +124,7 @@ impl Quota {
     /// # Errors
     /// The database did not answer.
     pub async fn hold(self, transaction: &mut Transaction, tenant: &str) -> Result<Held, Error> {
-        // Changes nothing and locks the row, which is made if need be.
-        let hold = sql("INSERT INTO tenants (id) VALUES ($1) ON CONFLICT (id) DO UPDATE SET id = excluded.id \
-                        RETURNING id, stored_bytes, queued_jobs, running_jobs");
-        let rows = transaction.read(hold.bind(tenant)).await?;
-        let quota = rows.first().map(tenants::tenant).transpose()?.map_or(self, |tenant| self.of(&tenant));
+        let quota = self.of(&tenants::hold(transaction, tenant).await?);
         let rows = transaction.read(sql(USAGE).bind(tenant)).await?;
         Ok(Held { quota, usage: rows.first().map(counted).transpose()?.unwrap_or_default() })
     }

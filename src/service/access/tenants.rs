@@ -1,7 +1,7 @@
 //! Tenants and what is different about them. A tenant is whoever has a key; a row is only there for what is not the default.
 
 use super::super::storage::Error;
-use super::super::storage::records::{Records, Row, sql};
+use super::super::storage::records::{Records, Row, Transaction, sql};
 
 /// Longest name.
 const MAX_CHARS: usize = 64;
@@ -53,16 +53,32 @@ pub async fn set(records: &Records, tenant: &Tenant) -> Result<(), Error> {
     Ok(())
 }
 
+/// What differs for `id`, which nobody else changes until the transaction ends.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn hold(transaction: &mut Transaction, id: &str) -> Result<Tenant, Error> {
+    // Changes nothing and locks the row, which is made if need be.
+    let hold = sql("INSERT INTO tenants (id) VALUES ($1) ON CONFLICT (id) DO UPDATE SET id = excluded.id \
+                    RETURNING id, stored_bytes, queued_jobs, running_jobs");
+    let rows = transaction.read(hold.bind(id)).await?;
+    Ok(rows.first().map(tenant).transpose()?.unwrap_or_else(|| nothing(id)))
+}
+
 /// What differs for `id`.
 ///
 /// # Errors
 /// The database did not answer.
 pub async fn get(records: &Records, id: &str) -> Result<Tenant, Error> {
     let row = records.read_one(sql("SELECT * FROM tenants WHERE id = $1").bind(id)).await?;
-    Ok(row.as_ref().map(tenant).transpose()?.unwrap_or_else(|| Tenant { id: id.to_owned(), ..Tenant::default() }))
+    Ok(row.as_ref().map(tenant).transpose()?.unwrap_or_else(|| nothing(id)))
 }
 
-pub(super) fn tenant(row: &Row) -> Result<Tenant, Error> {
+fn nothing(id: &str) -> Tenant {
+    Tenant { id: id.to_owned(), ..Tenant::default() }
+}
+
+fn tenant(row: &Row) -> Result<Tenant, Error> {
     let limit = |column: &str| Ok::<_, Error>(row.optional_number(column)?.map(|limit| limit.max(0).unsigned_abs()));
     Ok(Tenant {
         id: row.text("id")?,

@@ -112,6 +112,8 @@ pub async fn redeliver(
     let records = &api.storage.records;
     let known = deliveries::get(records, &id, &delivery).await?.ok_or_else(|| Problem::no_delivery(&delivery))?;
     if !deliveries::redeliver(records, &access.tenant, &id, &delivery).await? {
+        // Gone just now, or it is told nothing.
+        deliveries::get(records, &id, &delivery).await?.ok_or_else(|| Problem::no_delivery(&delivery))?;
         return Err(Problem::webhook_disabled(webhook.disabled_why.as_deref().unwrap_or("just now")));
     }
     api.dispatcher.wake();

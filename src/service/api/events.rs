@@ -113,6 +113,18 @@ impl From<Standing> for JobProgress {
     }
 }
 
+/// One event of the stream, by its fields.
+#[derive(ToSchema)]
+#[expect(dead_code, reason = "says what is written as text")]
+struct JobEvent {
+    /// `progress`, `ended` or `gone`.
+    event: String,
+    /// What to send as `Last-Event-ID` when the stream breaks after it.
+    id: String,
+    /// JSON: JobProgress, Job or Problem.
+    data: String,
+}
+
 /// Tells of a job as it changes
 ///
 /// Server-sent events: `progress` (data: JobProgress) at once and whenever it changes; at the end one `ended` (data: Job), or `gone`
@@ -125,7 +137,7 @@ impl From<Standing> for JobProgress {
         ("Last-Event-ID" = Option<String>, Header, description = "the id of the last event that came before the stream broke"),
     ),
     responses(
-        (status = 200, body = String, content_type = "text/event-stream", description = "the events"),
+        (status = 200, body = JobEvent, content_type = "text/event-stream", description = "the events"),
         (status = 204, description = "the client has seen the last one"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job"),
         (status = 503, body = Problem, content_type = "application/problem+json", description = "too many clients that wait, stopping, or a store that does not answer"),

@@ -31,7 +31,7 @@ impl<T: DeserializeOwned + Serialize, S: Send + Sync> FromRequest<S> for Body<T>
         let mut json: Value =
             serde_json::from_slice(&bytes).map_err(|error| Problem::malformed_json(format!("{error}.")))?;
         if let Some(path) = unwritable(&mut json, String::new()) {
-            return Err(Problem::wrong_shape(&path, "the character U+0000, which no text may hold"));
+            return Err(Problem::null_character(&path));
         }
         let value: T = serde_path_to_error::deserialize(&json)
             .map_err(|error| Problem::wrong_shape(&error.path().to_string(), &error.inner().to_string()))?;
@@ -133,7 +133,7 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
 
     async fn from_request_parts(parts: &mut Parts, _state: &S) -> Result<Query<T>, Problem> {
         if has_nul(parts.uri.query()) {
-            return Err(Problem::wrong_shape("query", "the character U+0000, which no text may hold"));
+            return Err(Problem::null_character("query"));
         }
         match axum::extract::Query::<T>::try_from_uri(&parts.uri) {
             Ok(axum::extract::Query(query)) => Ok(Query(query)),

@@ -17,6 +17,7 @@ use axum::response::{IntoResponse, Response};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use utoipa::ToSchema;
+use uuid::Uuid;
 
 /// Share of the whole each stage stands for, in the order of [`Stage::ALL`], per cent: by how often it reads the rays (once,
 /// once, once with tracing, once with spectra). Only progress bars depend on it.
@@ -220,7 +221,7 @@ pub async fn list(
     let after = page.after.as_deref();
     let filter = query::Filter {
         states: page.state,
-        ray_set: page.ray_set,
+        ray_set: page.ray_set.map(|id| id.to_string()),
         priority: page.priority,
         created_after_ms: page.created_after_ms,
         created_before_ms: page.created_before_ms,
@@ -240,8 +241,7 @@ pub struct JobPage {
     #[serde(default, deserialize_with = "separated")]
     state: Vec<JobState>,
     /// Only jobs with this ray set among their channels.
-    #[param(format = Uuid)]
-    ray_set: Option<String>,
+    ray_set: Option<Uuid>,
     /// Only jobs of this priority.
     priority: Option<Priority>,
     /// Only jobs accepted later than this, epoch ms.

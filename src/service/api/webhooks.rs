@@ -151,7 +151,7 @@ fn judge(api: &Api, told: &Told) -> Result<(), Problem> {
 ///
 /// Every job that ends from now on is posted to it, signed as Standard Webhooks says: `webhook-id` (the same for every attempt: drop
 /// what came before), `webhook-timestamp` and `webhook-signature`; the body is a WebhookMessage. Any 2xx within 15 s is taken for
-/// an answer, 410 ends it; else it is told again, later and later: ten times in all, within three days and a half.
+/// an answer, 410 ends it; else it is told again, later and later: ten times in all, within four days unless it asks for more time.
 #[utoipa::path(
     post, path = "/v1/webhooks", tag = "webhooks", operation_id = "create_webhook", request_body = NewWebhook,
     responses(

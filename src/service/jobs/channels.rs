@@ -20,18 +20,16 @@ pub struct NewJob {
     /// What to choose; what is left out is chosen from the rays.
     #[serde(default)]
     pub options: JobOptions,
-    /// Before which of the tenant's other waiting jobs it comes. Tenants take turns whatever it is.
+    /// Before which of the tenant's other waiting jobs it comes. Tenants take turns whatever it is. Default: normal.
     #[serde(default)]
-    #[schema(default = "normal")]
     pub priority: Priority,
     /// Longest that an attempt may take, s. Default: the service's own, which is also the most.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(minimum = 1)]
+    #[schema(minimum = 1, maximum = 4_294_967_295_u32)]
     pub timeout_s: Option<u32>,
-    /// Answer with an equal job of the tenant where there is one: same files, names, declarations, options and version of the
-    /// service; waiting, running or succeeded. Default: true.
+    /// Answer with an equal job of the tenant where there is one: same files, names, declarations, options and computation;
+    /// waiting, running or succeeded. Default: true.
     #[serde(default = "yes")]
-    #[schema(default = true)]
     pub reuse: bool,
 }
 

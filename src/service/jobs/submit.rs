@@ -183,8 +183,10 @@ impl Queue {
     /// # Errors
     /// The database did not answer.
     pub async fn forget_keys(&self) -> Result<u64, storage::Error> {
-        let forget = "DELETE FROM idempotency_keys WHERE (tenant, key) IN (SELECT tenant, key FROM idempotency_keys \
-                      WHERE created_ms <= {now} - $1 ORDER BY created_ms LIMIT $2)";
+        // Said twice: a key that is used again while this statement waits for it is a new one.
+        let forget = "DELETE FROM idempotency_keys WHERE created_ms <= {now} - $1 AND (tenant, key) IN \
+                      (SELECT tenant, key FROM idempotency_keys WHERE created_ms <= {now} - $1 \
+                       ORDER BY created_ms LIMIT $2)";
         self.storage.records.write(sql(forget).bind(ms(KEY_LIFE)).bind(BATCH)).await
     }
 }

@@ -4,13 +4,24 @@
 
 use super::Error;
 use sqlx::any::{AnyArguments, AnyPoolOptions, AnyRow};
-use sqlx::migrate::Migrator;
+use sqlx::migrate::{Migration, MigrationType, Migrator};
 use sqlx::query::Query;
-use sqlx::{Any, AnyPool, AssertSqlSafe, Executor, Row as _};
+use sqlx::{Any, AnyPool, AssertSqlSafe, Executor, Row as _, SqlSafeStr};
 use std::borrow::Cow;
 use std::time::Duration;
 
-static MIGRATIONS: Migrator = sqlx::migrate!("src/service/storage/migrations");
+/// The schema, step by step: number, what it brought, its text. By hand, for `sqlx::migrate!` compiles all of sqlx a second time.
+const MIGRATIONS: [(i64, &str, &str); 9] = [
+    (1, "first", include_str!("migrations/0001_first.sql")),
+    (2, "packed", include_str!("migrations/0002_packed.sql")),
+    (3, "channels", include_str!("migrations/0003_channels.sql")),
+    (4, "inspection", include_str!("migrations/0004_inspection.sql")),
+    (5, "access", include_str!("migrations/0005_access.sql")),
+    (7, "declared", include_str!("migrations/0007_declared.sql")),
+    (8, "uploads", include_str!("migrations/0008_uploads.sql")),
+    (9, "lines", include_str!("migrations/0009_lines.sql")),
+    (10, "push", include_str!("migrations/0010_push.sql")),
+];
 
 /// The words that the engines say differently.
 struct Dialect {
@@ -291,7 +302,11 @@ fn pool(dialect: &'static Dialect, connections: u32) -> AnyPoolOptions {
 }
 
 async fn migrate(pool: &AnyPool) -> Result<(), Error> {
-    MIGRATIONS.run(pool).await.map_err(|error| Error::Records(Box::new(error)))
+    let step = |(number, name, text): (i64, &'static str, &'static str)| {
+        Migration::new(number, name.into(), MigrationType::Simple, text.into_sql_str(), false)
+    };
+    let all = Migrator::with_migrations(MIGRATIONS.map(step).into());
+    all.run(pool).await.map_err(|error| Error::Records(Box::new(error)))
 }
 
 /// Several statements, all or none.
@@ -329,5 +344,23 @@ impl Transaction {
 impl From<sqlx::Error> for Error {
     fn from(error: sqlx::Error) -> Error {
         Error::Records(Box::new(error))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn every_step_of_the_schema_is_listed() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/src/service/storage/migrations");
+        let mut files: Vec<(String, String)> = fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap())
+            .map(|entry| (entry.file_name().into_string().unwrap(), fs::read_to_string(entry.path()).unwrap()))
+            .collect();
+        files.sort();
+        assert_eq!(files, MIGRATIONS.map(|(number, name, text)| (format!("{number:04}_{name}.sql"), text.to_owned())));
     }
 }

@@ -160,8 +160,8 @@ pub struct Addition<'a> {
 /// What came of naming them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Added {
-    /// They are part of the upload; all of it is there when this is true.
-    Named(bool),
+    /// They are part of the upload.
+    Named,
     /// Another request has gone on from there, or the upload is gone.
     Lost,
     /// The tenant has no room for them.
@@ -301,7 +301,7 @@ pub async fn add(records: &Records, quota: Quota, addition: &Addition<'_>) -> Re
     let advance = "UPDATE uploads SET offset_bytes = $1, sha256_state = $2, expires_ms = {now} + $3, \
                    state = CASE WHEN byte_count = $1 THEN 'finishing' ELSE state END \
                    WHERE id = $4 AND session = $5 AND state = 'receiving' AND offset_bytes = $6 \
-                   AND (byte_count IS NULL OR byte_count >= $1) RETURNING state, byte_count";
+                   AND (byte_count IS NULL OR byte_count >= $1) RETURNING byte_count";
     let advance = sql(advance).bind(addition.to.cast_signed()).bind(addition.sha256_state).bind(ms(addition.expiry));
     let advance = advance.bind(addition.id).bind(addition.session).bind(addition.from.cast_signed());
     let rows = transaction.read(advance).await?;
@@ -320,5 +320,5 @@ pub async fn add(records: &Records, quota: Quota, addition: &Addition<'_>) -> Re
         transaction.write(insert.bind(part.byte_count.cast_signed()).bind(part.blob.as_str())).await?;
     }
     transaction.commit().await?;
-    Ok(Added::Named(row.text("state")? == State::Finishing.name()))
+    Ok(Added::Named)
 }

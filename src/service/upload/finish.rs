@@ -194,7 +194,7 @@ impl Uploads {
     async fn mind<T>(&self, claim: &Claim, gone: &CancellationToken, making: impl Future<Output = T>) -> T {
         let mut ticker = interval(self.lease / 3);
         ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        let mut making = std::pin::pin!(making);
+        let mut making = pin!(making);
         loop {
             tokio::select! {
                 made = &mut making => return made,
@@ -251,9 +251,10 @@ impl Uploads {
                 let last = claim.attempt >= i64::from(self.max_attempts);
                 if last { Fate::GivenUp } else { Fate::Again { counted: true } }
             }
-            // A store does not answer, or has no room. One that never will must not keep the upload for ever.
+            // A store does not answer, or has no room. One that never will must not keep the upload for ever: its bytes stay
+            // as long again.
             LowSpace | Storage(_) | Unfit(Unreadable(_)) | Packed(Unreadable(_)) => match claim.is_overdue {
-                true => Fate::Refused,
+                true => Fate::GivenUp,
                 false => Fate::Again { counted: false },
             },
             _ => Fate::Refused,

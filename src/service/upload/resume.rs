@@ -1,5 +1,5 @@
-//! Uploads that can be resumed, by any process: what came is stored part by part, and one transaction per part moves the
-//! offset, which never goes back. The last request that began at the offset is the one that goes on; what another had not yet
+//! Uploads that can be resumed, by any process: what came is stored part by part, and the transaction that names parts
+//! moves the offset, which never goes back. The last request that began at the offset is the one that goes on; what another had not yet
 //! stored by then is not kept. When all is there, `finish.rs` makes ray sets of it.
 
 use super::super::access::quota::Exceeded;
@@ -293,6 +293,11 @@ impl Writing<'_> {
         if piece.byte_count.is_some_and(|bytes| bytes > whole.saturating_sub(self.upload.offset)) {
             return Err(Error::Beyond(whole));
         }
+        // What has neither a length nor rows until its end is judged as it comes.
+        let room = match piece.checksum.is_some() && self.upload.byte_count.is_none() {
+            true => Some(self.uploads.intake.quota.room(&self.uploads.intake.storage.records, self.tenant).await?),
+            false => None,
+        };
         let (mut body, mut pace) = (pin!(body), Pace::new(self.uploads.intake.slowest));
         loop {
             let next = tokio::select! {
@@ -304,6 +309,7 @@ impl Writing<'_> {
             if self.spool.byte_count() + chunk.len() as u64 > whole {
                 return Err(Error::Beyond(whole));
             }
+            room.map_or(Ok(()), |room| room.admit(self.spool.byte_count() + chunk.len() as u64 - self.upload.offset))?;
             self.spool.push(&chunk).await?;
             match &mut piece.checksum {
                 Some(checksum) => checksum.update(&chunk),
@@ -364,7 +370,7 @@ impl Writing<'_> {
         };
         // Should this fail, rows may or may not name them: only the sweep of garbage can tell.
         let added = uploads::add(&storage.records, *quota, &addition).await?;
-        if let Added::Named(_) = added {
+        if added == Added::Named {
             crash::point("append.committed");
             (self.number, self.named) = (self.number + parts.len(), stored.byte_count);
             let replaced = self.continued.take();

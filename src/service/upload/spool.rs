@@ -9,7 +9,7 @@ use super::{Error, Intake, Stored};
 use crate::pipeline;
 use std::mem;
 
-/// Length of every part but the last, bytes: every upload at hand holds as much in memory. Less would be more rows, more requests to
+/// Longest part, bytes: every upload at hand holds as much in memory. Less would be more rows, more requests to
 /// a store, and more waiting for a disk.
 pub const PART_BYTES: usize = 4 << 20;
 /// How much of a file is judged as soon as it is there, bytes.

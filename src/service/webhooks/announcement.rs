@@ -101,6 +101,8 @@ pub async fn ping(records: &Records, tenant: &str, webhook: &str) -> Result<Opti
     let Some(row) = held.first() else { return Ok(None) };
     let waiting = sql("SELECT id FROM deliveries WHERE webhook_id = $1 AND event = $2 AND state = 'waiting' LIMIT 1");
     if let Some(waiting) = transaction.read(waiting.bind(webhook).bind(PING)).await?.first() {
+        // Nobody waits for a connection while holding one: that may be what all the others wait for.
+        drop(transaction);
         return deliveries::get(records, webhook, &waiting.text("id")?).await;
     }
     let body = message(PING, row.number("now_ms")?, serde_json::Map::new())?;

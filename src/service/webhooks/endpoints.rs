@@ -1,5 +1,6 @@
 //! Rows of endpoints.
 
+use super::super::access::tenants;
 use super::super::storage::records::{Records, Row, ms, sql};
 use super::super::storage::{Error, new_id};
 use super::{Event, signature};
@@ -74,6 +75,8 @@ pub async fn create(records: &Records, tenant: &str, told: Told) -> Result<Optio
     let insert = sql(insert).bind(new_id()).bind(tenant).bind(told.url).bind(names(&told.events));
     let insert = insert.bind(told.description).bind(secret.as_str()).bind(MOST);
     let mut transaction = records.begin().await?;
+    // Two at once cannot both be the last.
+    tenants::hold(&mut transaction, tenant).await?;
     let rows = transaction.read(insert).await?;
     transaction.commit().await?;
     rows.first().map(|row| Ok((endpoint(row)?, secret))).transpose()

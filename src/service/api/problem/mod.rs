@@ -148,6 +148,12 @@ impl Problem {
         Problem::new(StatusCode::UNPROCESSABLE_ENTITY, code, title, format!("{found}.")).at(path)
     }
 
+    /// A text that PostgreSQL cannot keep.
+    pub fn null_character(path: &str) -> Problem {
+        let detail = "the character U+0000, which no text may hold.";
+        Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "request.null_character", "Unusable text", detail).at(path)
+    }
+
     /// A value of the right type and outside its range.
     pub fn out_of_range(path: &str, must: &str) -> Problem {
         let detail = format!("{path} must be {must}.");

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 /// Attempts at one endpoint at once, in all processes together; at one whose last attempt failed, one.
 const OF_AN_ENDPOINT: i64 = 4;
-/// Attempts at all endpoints of one tenant at once: fewer than one process makes, so that slow ones keep no others waiting.
+/// Attempts at all endpoints of one tenant at once: fewer than one process makes, so that its slow ones keep no other's waiting.
 const OF_A_TENANT: i64 = 16;
 /// Over the longest attempt, until a claim is another's.
 const SLACK: Duration = Duration::from_secs(15);
@@ -321,8 +321,9 @@ fn delivery(row: &Row) -> Result<Delivery, Error> {
 /// # Errors
 /// The database did not answer.
 pub async fn forget(records: &Records, keep: Duration) -> Result<u64, Error> {
-    let old = "DELETE FROM deliveries WHERE id IN (SELECT id FROM deliveries WHERE created_ms <= {now} - $1 \
-               AND state <> 'waiting' LIMIT $2)";
+    // Said twice: one that is to be told again while this statement waits for it stays.
+    let old = "DELETE FROM deliveries WHERE state <> 'waiting' AND id IN \
+               (SELECT id FROM deliveries WHERE created_ms <= {now} - $1 AND state <> 'waiting' LIMIT $2)";
     let mut forgotten = 0;
     // In pieces: one statement for all of them would hold up everybody, and may take longer than a statement may.
     loop {
