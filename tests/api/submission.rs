@@ -332,7 +332,7 @@ async fn lists_hold_what_was_asked_for_and_pages_of_it() {
         ("state=cancelled,running,succeeded".to_owned(), vec![1, 0]),
         (format!("ray_set={a}"), vec![2, 0]),
         (format!("ray_set={b}&state=queued,cancelled"), vec![3, 1]),
-        ("ray_set=x".to_owned(), vec![]),
+        ("ray_set=00000000-0000-7000-8000-000000000000".to_owned(), vec![]),
         ("priority=normal".to_owned(), vec![3, 0]),
         ("priority=normal&state=running".to_owned(), vec![0]),
         ("created_after_ms=1000&created_before_ms=4000".to_owned(), vec![2, 1]),
@@ -340,7 +340,9 @@ async fn lists_hold_what_was_asked_for_and_pages_of_it() {
     ] {
         assert_eq!(found(&query).await, expected, "{query}");
     }
-    for wrong in ["state=queued,lost", "state=", "priority=urgent", "created_after_ms=-1", "created_before_ms=x"] {
+    for wrong in
+        ["state=queued,lost", "state=", "ray_set=", "priority=urgent", "created_after_ms=-1", "created_before_ms=x"]
+    {
         let refused = site.get(&format!("/v1/jobs?{wrong}")).await;
         refused.is_problem(422, "request.wrong_type");
         assert_eq!(refused.json()["at"], wrong.split('=').next().unwrap());
