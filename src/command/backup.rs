@@ -44,6 +44,11 @@ impl From<Error> for Failure {
     fn from(error: Error) -> Failure {
         let (code, remedy) = match &error {
             Error::Elsewhere => ("backup.elsewhere", "Use pg_dump, then copy the bucket: rows first, blobs second."),
+            Error::Served(_) => (
+                "backup.served",
+                "Name a folder of its own with --to: what is served has changes that the copy has not.",
+            ),
+            Error::Itself(_) => ("backup.itself", "Name another folder with --to."),
             Error::Missing(_) => ("backup.missing_blob", "The store is damaged: restore it from an earlier backup."),
             Error::Outrun => ("backup.outrun", "Run it again: what is copied stays, and there is less left."),
             Error::Disk { .. } => ("backup.disk", "Name another folder with --to, or see to its room and permissions."),

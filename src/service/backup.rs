@@ -4,9 +4,9 @@
 //! goes on with it: such an upload is copied as it is then. Where it has become ray sets by then, of which these rows know
 //! nothing, those of a later moment are taken. The copy is a data folder: to restore is to serve it.
 
-use super::Config;
 use super::storage::Storage;
 use super::storage::records::{Records, Row, sql};
+use super::{Config, StartError};
 use std::collections::HashSet;
 use std::fs::{self, File};
 use std::io;
@@ -21,6 +21,12 @@ pub enum Error {
     /// Other engines have their own ways.
     #[error("this backup is for SQLite and local files only")]
     Elsewhere,
+    /// The folder for the copy is being served.
+    #[error("a service runs on {}", .0.display())]
+    Served(PathBuf),
+    /// The folder for the copy is the one that is copied.
+    #[error("{} is what is to be copied", .0.display())]
+    Itself(PathBuf),
     /// A row names a blob that is not there.
     #[error("the blob {0} is missing from the store")]
     Missing(String),
@@ -62,8 +68,17 @@ pub async fn backup(config: &Config, to: &Path) -> Result<Copied, Error> {
     let Some(blobs) = config.storage_url().strip_prefix("file:").map(PathBuf::from) else {
         return Err(Error::Elsewhere);
     };
-    if !config.database_url().starts_with("sqlite:") {
+    let database = config.database_url();
+    let Some(rows) = database.strip_prefix("sqlite:").and_then(|rest| rest.split('?').next()) else {
         return Err(Error::Elsewhere);
+    };
+    // Held until all is written: what is served is not replaced, and what is being replaced is not served.
+    let _lock = super::lock(to).map_err(|error| match error {
+        StartError::Folder { folder: path, error } => Error::Disk { path, error },
+        _ => Error::Served(to.to_owned()),
+    })?;
+    if fs::canonicalize(rows).is_ok_and(|rows| fs::canonicalize(to.join("service.db")).is_ok_and(|copy| copy == rows)) {
+        return Err(Error::Itself(to.to_owned()));
     }
     let storage = Storage::open(&config.database_url(), &config.storage_url()).await?;
     let copied = copy_all(&storage, &blobs, to).await;

@@ -178,6 +178,26 @@ async fn without_a_word_of_the_operator_everything_is_kept() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_backup_replaces_nothing_that_is_served_and_not_what_it_copies() {
+    let mut site = Site::start(prompt()).await;
+    if !site.config.is_alone() {
+        return;
+    }
+    let ray_set = site.ray_set().await;
+    let data = site.config.data.clone();
+    assert!(matches!(backup(&site.config, &data).await, Err(backup::Error::Served(_))));
+    let elsewhere = Config { data: site.folder.path().join("other"), ..site.config.clone() };
+    let copied = backup(&site.config, &elsewhere.data).await.unwrap();
+    let other = Service::start_with(elsewhere.clone(), prompt()).await.unwrap();
+    assert!(matches!(backup(&site.config, &elsewhere.data).await, Err(backup::Error::Served(_))));
+    drop(other);
+    site.kill().await;
+    assert!(matches!(backup(&site.config, &data).await, Err(backup::Error::Itself(_))));
+    site.restart(prompt()).await;
+    assert_eq!((copied.blobs, site.get(&format!("/v1/ray-sets/{ray_set}")).await.status), (1, StatusCode::OK));
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_backup_taken_while_it_works_has_everything() {
     let gate = Gate::new();
     let mut site = Site::start_as(|config| Config { auth: true, ..config }, held(&gate)).await;
