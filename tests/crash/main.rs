@@ -336,9 +336,9 @@ fn a_store_without_room_says_so_and_keeps_what_it_has() {
         return;
     }
     let (world, mut ledger) = (World::new(), Ledger::default());
-    // A file of this process may have 3 MiB: no privilege is needed for that, and a part of 4 MiB has no room.
+    // A file of this process may have 2.25 MiB: no privilege is needed for that, and a part of 2.5 MiB has no room.
     let mut shell = Command::new("sh");
-    shell.args(["-c", "trap '' XFSZ; ulimit -f $((3 * 2048)); exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_lampwright")]);
+    shell.args(["-c", "trap '' XFSZ; ulimit -f $((9 * 512)); exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_lampwright")]);
     let node = world.spawn(&mut shell, &TIDY, None);
     let job = ledger.job(&node, &ray_file(1));
     let large = ray_file_of(7 * (1 << 20) / 28, 2);
@@ -349,7 +349,7 @@ fn a_store_without_room_says_so_and_keeps_what_it_has() {
     assert_eq!(ended(&node.address, &job)["state"], "succeeded");
     ledger.job(&node, &ray_file(3));
     // Less is always possible: a job that waits or runs is cancelled, and what it gave, and its rays, are deleted.
-    let unwanted = ledger.upload(&node.address, &ray_file_of(100_000, 4)).unwrap();
+    let unwanted = ledger.upload(&node.address, &ray_file_of(80_000, 4)).unwrap();
     let long = ledger.submit(&node.address, &unwanted).unwrap();
     let asked = |method: &str, path: &str| http::ask(&node.address, method, path, &[], b"").unwrap().status;
     assert_eq!(asked("POST", &format!("/v1/jobs/{long}/cancel")), 202);

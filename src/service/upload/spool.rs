@@ -9,9 +9,9 @@ use super::{Error, Intake, Stored};
 use crate::pipeline;
 use std::mem;
 
-/// Longest part, bytes: every upload at hand holds as much in memory. Less would be more rows, more requests to
-/// a store, and more waiting for a disk.
-pub const PART_BYTES: usize = 4 << 20;
+/// Longest part, bytes: every upload at hand holds as much in memory, and eight at once are to stay below 64 MB with all they need.
+/// Less would be more rows, more requests to a store, and more waiting for a disk.
+pub const PART_BYTES: usize = 5 << 19;
 /// How much of a file is judged as soon as it is there, bytes.
 pub(super) const PREFIX_BYTES: usize = 64 << 10;
 
