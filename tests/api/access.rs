@@ -43,7 +43,7 @@ fn operations() -> Vec<Operation> {
     operations
 }
 
-/// What one tenant has: an id for every placeholder of the contract.
+/// What one tenant has: an id for every path parameter of the contract.
 struct Things {
     ray_set: String,
     upload: String,
@@ -66,10 +66,7 @@ impl Things {
             _ => "",
         };
         let address = path.replace("{id}", id).replace("{name}", "read.txt").replace("{delivery}", &self.delivery);
-        assert!(
-            !address.contains('{') && !address.contains("//"),
-            "say here what stands for the placeholders of {path}"
-        );
+        assert!(!address.contains('{') && !address.contains("//"), "say here what the parameters of {path} are");
         address
     }
 

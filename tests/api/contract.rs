@@ -35,11 +35,11 @@ fn the_contract_says_how_everything_can_fail() {
                     assert_eq!(schema, "#/components/schemas/Problem", "{method} {path} {status}");
                 }
             }
-            let placeholders: Vec<&str> = path.split('{').skip(1).map(|rest| rest.split('}').next().unwrap()).collect();
+            let templated: Vec<&str> = path.split('{').skip(1).map(|rest| rest.split('}').next().unwrap()).collect();
             let parameters = operation["parameters"].as_array().cloned().unwrap_or_default();
             let named: Vec<&str> =
                 parameters.iter().filter(|p| p["in"] == "path").map(|p| p["name"].as_str().unwrap()).collect();
-            assert_eq!(placeholders, named, "{method} {path}");
+            assert_eq!(templated, named, "{method} {path}");
         }
     }
     let expected = [

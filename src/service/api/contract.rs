@@ -26,7 +26,7 @@ pub fn complete(contract: &mut OpenApi) {
             _ => {}
         }
     }
-    // The router's wildcard is no placeholder in OpenAPI.
+    // What the router marks as a wildcard is a path parameter like any other in OpenAPI.
     let paths = std::mem::take(&mut contract.paths.paths);
     contract.paths.paths = paths.into_iter().map(|(path, item)| (path.replace("{*", "{"), item)).collect();
 }

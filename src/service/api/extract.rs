@@ -108,7 +108,7 @@ fn is_length_limit(error: &axum::Error) -> bool {
     false
 }
 
-/// The placeholders of a path.
+/// The parameters of a path.
 pub struct Path<T>(pub T);
 
 impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for Path<T> {
