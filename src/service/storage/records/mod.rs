@@ -12,15 +12,15 @@ use std::time::Duration;
 
 /// The schema, step by step: number, what it brought, its text. By hand, for `sqlx::migrate!` compiles all of sqlx a second time.
 const MIGRATIONS: [(i64, &str, &str); 9] = [
-    (1, "first", include_str!("migrations/0001_first.sql")),
-    (2, "packed", include_str!("migrations/0002_packed.sql")),
-    (3, "channels", include_str!("migrations/0003_channels.sql")),
-    (4, "inspection", include_str!("migrations/0004_inspection.sql")),
-    (5, "access", include_str!("migrations/0005_access.sql")),
-    (7, "declared", include_str!("migrations/0007_declared.sql")),
-    (8, "uploads", include_str!("migrations/0008_uploads.sql")),
-    (9, "lines", include_str!("migrations/0009_lines.sql")),
-    (10, "push", include_str!("migrations/0010_push.sql")),
+    (1, "first", include_str!("../migrations/0001_first.sql")),
+    (2, "packed", include_str!("../migrations/0002_packed.sql")),
+    (3, "channels", include_str!("../migrations/0003_channels.sql")),
+    (4, "inspection", include_str!("../migrations/0004_inspection.sql")),
+    (5, "access", include_str!("../migrations/0005_access.sql")),
+    (7, "declared", include_str!("../migrations/0007_declared.sql")),
+    (8, "uploads", include_str!("../migrations/0008_uploads.sql")),
+    (9, "lines", include_str!("../migrations/0009_lines.sql")),
+    (10, "push", include_str!("../migrations/0010_push.sql")),
 ];
 
 /// The words that the engines say differently.
