@@ -6,6 +6,7 @@ use super::elsewhere::Elsewhere;
 use super::{Failure, output};
 use crate::pipeline::Limits;
 use crate::pipeline::rays::synthetic;
+use crate::service::priority;
 use crate::service::telemetry::{self, LogFormat};
 use crate::service::{Config, Role, Service, StartError, Submitted};
 use axum::Router;
@@ -170,6 +171,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let runtime = runtime.map_err(|error| {
         Failure::failed("serve.runtime", error.to_string(), "Allow this process more threads and files.")
     })?;
+    priority::lower_shared_pool();
     let served = runtime.block_on(serve(arguments));
     // Dropping the runtime would wait without end for a computation that does not look whether it is still wanted.
     runtime.shutdown_timeout(LAST_WAIT);

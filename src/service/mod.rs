@@ -14,6 +14,8 @@ pub mod crash;
 mod hex;
 /// Moments, written.
 pub mod calendar;
+/// Which threads give way to those that answer.
+pub mod priority;
 /// Which cryptography TLS uses.
 pub mod tls;
 /// What outlives the process: rows and blobs.

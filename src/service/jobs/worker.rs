@@ -3,6 +3,7 @@
 use super::super::crash;
 use super::super::hex::hex;
 use super::super::metrics::Metrics;
+use super::super::priority::{self, Lost};
 use super::super::storage::parts::{Part, Parts};
 use super::super::storage::ray_sets::RaySet;
 use super::super::storage::{self, Storage, ray_sets, spectra};
@@ -18,7 +19,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 use tokio::runtime::Handle;
-use tokio::task::{JoinError, JoinSet, spawn_blocking};
+use tokio::task::JoinSet;
 use tokio::time::{Instant, MissedTickBehavior, interval, sleep};
 use tokio_util::sync::CancellationToken;
 use tracing::Instrument;
@@ -106,7 +107,8 @@ impl Worker {
         for slot in 0..concurrency.max(1) {
             let name = move |thread: usize| format!("pipeline-{slot}-{thread}");
             // A pool per job: on a shared one, a long job would keep every thread and starve the other.
-            let pool = Arc::new(ThreadPoolBuilder::new().num_threads(threads.max(1)).thread_name(name).build()?);
+            let pool = ThreadPoolBuilder::new().num_threads(threads.max(1)).thread_name(name);
+            let pool = Arc::new(pool.start_handler(|_| priority::lower()).build()?);
             slots.spawn(Worker { queue: self.queue.of_slot(slot), ..self.clone() }.slot(pool));
         }
         Ok(slots)
@@ -244,12 +246,13 @@ impl Worker {
             let digests = product.artifacts.iter().map(|artifact| hex(&Sha256::digest(&artifact.bytes))).collect();
             Ok((product, digests))
         };
-        match spawn_blocking(run).await {
+        match priority::compute("pipeline", run).await {
             Ok(Ok((product, digests))) => self.publish(claim, product, digests, &progress).await,
             Ok(Err(pipeline::Error::Cancelled)) => Ending::Stopped,
             Ok(Err(error @ pipeline::Error::Unreadable(_))) => Ending::Unread(Failure::from(&error)),
             Ok(Err(error)) => Ending::Failed(Failure::from(&error)),
-            Err(error) => Ending::Failed(Failure::panicked(&panic_message(error))),
+            Err(Lost::Panicked(message)) => Ending::Failed(Failure::panicked(&message)),
+            Err(Lost::NoThread(error)) => Ending::Unread(Failure::from(&pipeline::Error::Unreadable(error))),
         }
     }
 
@@ -328,12 +331,6 @@ impl Worker {
             tracing::warn!(job = claim.id, %error, "blobs of an unpublished attempt stay until they are swept");
         }
     }
-}
-
-fn panic_message(error: JoinError) -> String {
-    let Ok(payload) = error.try_into_panic() else { return "the thread was stopped".into() };
-    let text = payload.downcast_ref::<String>().map(String::as_str);
-    text.or_else(|| payload.downcast_ref::<&str>().copied()).unwrap_or("no message").to_owned()
 }
 
 /// How far a run is, and whether it is still wanted: written by many threads, read by the beat.

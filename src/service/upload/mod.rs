@@ -21,6 +21,7 @@ use super::access::quota::{Exceeded, Quota, Room};
 use super::hex::hex;
 use super::jobs::channels::FileDeclaration;
 use super::pace::{Pace, Slowest, TooSlow};
+use super::priority;
 use super::storage::inspections::{Drawing, Inspection};
 use super::storage::parts::{Part, Parts};
 use super::storage::ray_sets::{self, Draft, Packed, RaySet};
@@ -39,7 +40,6 @@ use std::pin::pin;
 use std::sync::Arc;
 use tokio::runtime::Handle;
 use tokio::sync::Semaphore;
-use tokio::task::spawn_blocking;
 use tokio_util::sync::CancellationToken;
 
 /// Files read to their end at once: each holds the blocks that its threads read, and all threads work on each.
@@ -289,8 +289,9 @@ impl Intake {
             place = self.inspections.acquire() => place,
             () = gone.cancelled() => return Err(pipeline::Error::Cancelled.into()),
         };
-        let described = spawn_blocking(move || describe(&input, &limits, &Until(gone)).map_err(in_query));
-        Ok(described.await.map_err(|error| pipeline::Error::Unreadable(std::io::Error::other(error)))??)
+        let work = move || describe(&input, &limits, &Until(gone)).map_err(in_query);
+        let described = priority::compute("inspect", work).await;
+        Ok(described.map_err(|error| pipeline::Error::Unreadable(std::io::Error::other(error)))??)
     }
 }
 
