@@ -14,8 +14,25 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::time::Duration;
 
-/// The media type of [`Metrics::text`].
-pub const MEDIA_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+/// The two ways in which Prometheus reads numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Exposition {
+    /// Prometheus' text format 0.0.4, which every tool reads.
+    #[default]
+    Text,
+    /// OpenMetrics 1.0, for who asks for it, as Prometheus does.
+    OpenMetrics,
+}
+
+impl Exposition {
+    /// Its media type.
+    pub fn media_type(self) -> &'static str {
+        match self {
+            Exposition::Text => "text/plain; version=0.0.4; charset=utf-8",
+            Exposition::OpenMetrics => "application/openmetrics-text; version=1.0.0; charset=utf-8",
+        }
+    }
+}
 
 /// A route, not an address: as many as there are in the contract.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
@@ -182,12 +199,15 @@ impl Metrics {
     }
 
     /// All numbers, as Prometheus reads them.
-    pub fn text(&self, backlog: &Backlog, free_bytes: Option<u64>) -> String {
+    pub fn text(&self, exposition: Exposition, backlog: &Backlog, free_bytes: Option<u64>) -> String {
         self.0.look(backlog, free_bytes);
         let mut text = String::new();
         // Writing to a string does not fail.
         let _ = text::encode(&mut text, &self.0.registry);
-        text
+        match exposition {
+            Exposition::OpenMetrics => text,
+            Exposition::Text => plain(&text),
+        }
     }
 }
 
@@ -259,6 +279,25 @@ impl Numbers {
     }
 }
 
+/// OpenMetrics as text format 0.0.4, which the library does not write. Our numbers differ in this only: OpenMetrics describes a
+/// counter without the `_total` of its samples, says units in lines of their own, and marks its end.
+fn plain(openmetrics: &str) -> String {
+    let typed = openmetrics.lines().filter_map(|line| line.strip_prefix("# TYPE ")?.strip_suffix(" counter"));
+    let counters: Vec<&str> = typed.collect();
+    let mut plain = String::with_capacity(openmetrics.len() + 64);
+    for line in openmetrics.lines().filter(|line| *line != "# EOF" && !line.starts_with("# UNIT ")) {
+        let described = ["# HELP ", "# TYPE "].into_iter().find_map(|mark| Some((mark, line.strip_prefix(mark)?)));
+        let words = described.and_then(|(mark, rest)| Some((mark, rest.split_once(' ')?)));
+        match words {
+            Some((mark, (name, rest))) if counters.contains(&name) => {
+                plain.extend([mark, name, "_total ", rest, "\n"]);
+            }
+            _ => plain.extend([line, "\n"]),
+        }
+    }
+    plain
+}
+
 /// Something that is there until this is dropped.
 pub struct AtHand(Gauge);
 
@@ -272,5 +311,60 @@ impl AtHand {
 impl Drop for AtHand {
     fn drop(&mut self) {
         self.0.dec();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The numbers of a process that has done something of everything.
+    fn numbers() -> Metrics {
+        let metrics = Metrics::new();
+        metrics.answered("GET", "/v1/jobs", 200, Duration::from_millis(3));
+        metrics.upload_bytes(7);
+        metrics.attempted("succeeded", Duration::from_secs(2));
+        metrics.leases_lost(1);
+        metrics.told(true);
+        metrics
+    }
+
+    /// The rules of `promtool check metrics` (prometheus/client_golang, `testutil/promlint`), as far as they can be broken here.
+    #[test]
+    fn the_text_format_keeps_the_rules_of_promlint() {
+        let text = numbers().text(Exposition::Text, &Backlog::default(), Some(1));
+        let described = |mark: &str| -> Vec<(String, String)> {
+            let lines = text.lines().filter_map(|line| line.strip_prefix(mark)?.split_once(' '));
+            lines.map(|(name, rest)| (name.to_owned(), rest.to_owned())).collect()
+        };
+        let (helps, types) = (described("# HELP "), described("# TYPE "));
+        assert!(types.len() > 20 && !text.contains("# EOF"), "{text}");
+        for sample in text.lines().filter(|line| !line.starts_with('#')) {
+            let name = sample.split(['{', ' ']).next().unwrap();
+            let family = types.iter().find(|(family, kind)| match kind.as_str() {
+                "histogram" => {
+                    name.strip_prefix(family.as_str()).is_some_and(|rest| ["_bucket", "_sum", "_count"].contains(&rest))
+                }
+                _ => name == family,
+            });
+            let (family, kind) = family.unwrap_or_else(|| panic!("{name} has no type"));
+            let help = helps.iter().find(|(name, _)| name == family).map_or("", |(_, help)| help);
+            assert!(!help.is_empty(), "{family} has no help");
+            assert_eq!(family.ends_with("_total"), kind == "counter", "{family}: counters and only they end in _total");
+            assert!(!["_count", "_sum", "_bucket", "_info"].iter().any(|end| family.ends_with(end)), "{family}");
+            assert!(family.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_'), "{family}");
+            assert!(!["gauge", "counter", "histogram"].iter().any(|kind| family.contains(kind)), "{family}");
+            for other in ["milliseconds", "minutes", "hours", "kilobytes", "megabytes", "_ms", "_kb", "_mb", "percent"]
+            {
+                assert!(!family.contains(other), "{family} is not in a base unit");
+            }
+        }
+    }
+
+    #[test]
+    fn openmetrics_describes_counters_without_their_total() {
+        let text = numbers().text(Exposition::OpenMetrics, &Backlog::default(), None);
+        assert!(text.contains("# TYPE lampwright_upload_bytes counter\nlampwright_upload_bytes_total 7\n"), "{text}");
+        assert!(text.ends_with("# EOF\n"));
     }
 }

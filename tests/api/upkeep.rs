@@ -15,11 +15,28 @@ use std::time::{Duration, Instant};
 async fn number(site: &Site, name: &str) -> f64 {
     let reply = site.get("/metrics").await;
     assert_eq!(reply.status, StatusCode::OK);
-    assert!(reply.header("content-type").starts_with("application/openmetrics-text"));
+    assert_eq!(reply.header("content-type"), "text/plain; version=0.0.4; charset=utf-8");
     let text = String::from_utf8(reply.body).unwrap();
-    assert!(text.ends_with("# EOF\n"), "{text}");
     let line = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
     line.unwrap_or_else(|| panic!("no {name} in {text}")).parse().unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn who_asks_for_openmetrics_gets_it_and_all_others_the_text_format() {
+    let site = Site::start(prompt()).await;
+    let asked = async |accept: &str| site.ask(Method::GET, "/metrics", &[("accept", accept)], Body::empty()).await;
+    // What Prometheus 2.53 sends.
+    let prometheus = "application/openmetrics-text;version=1.0.0;q=0.5,application/openmetrics-text;version=0.0.1;q=0.4,\
+                      text/plain;version=0.0.4;q=0.3,*/*;q=0.2";
+    let reply = asked(prometheus).await;
+    assert_eq!(reply.header("content-type"), "application/openmetrics-text; version=1.0.0; charset=utf-8");
+    assert!(reply.body.ends_with(b"# EOF\n") && reply.header("vary").to_ascii_lowercase().contains("accept"));
+    for accept in ["*/*", "text/plain", "application/openmetrics-text;q=0, text/plain", "text/html"] {
+        let reply = asked(accept).await;
+        assert_eq!(reply.header("content-type"), "text/plain; version=0.0.4; charset=utf-8", "{accept}");
+        let text = String::from_utf8(reply.body).unwrap();
+        assert!(text.contains("# TYPE lampwright_requests_total counter\n") && !text.contains("# EOF"), "{text}");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -60,7 +77,7 @@ async fn the_numbers_tell_whether_it_is_stuck() {
     let start = Instant::now();
     // Counted after the row that clients see.
     while number(&site, "lampwright_job_attempts_total{ending=\"succeeded\"}").await < 2.0 {
-        assert!(start.elapsed() < Duration::from_secs(20));
+        assert!(start.elapsed() < crate::site::PATIENCE);
     }
     assert_eq!(number(&site, "lampwright_job_attempt_seconds_count{ending=\"succeeded\"}").await, 2.0);
     assert_eq!(number(&site, "lampwright_jobs{state=\"queued\"}").await, 0.0);
@@ -147,7 +164,7 @@ async fn what_is_kept_no_longer_goes_with_its_blobs_and_what_is_used_stays() {
     while site.get(&format!("/v1/ray-sets/{unused}")).await.status != StatusCode::NOT_FOUND
         || site.get(&format!("/v1/jobs/{old}")).await.status != StatusCode::NOT_FOUND
     {
-        assert!(start.elapsed() < Duration::from_secs(20), "nothing is deleted");
+        assert!(start.elapsed() < crate::site::PATIENCE, "nothing is deleted");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     for address in [format!("/v1/ray-sets/{used}"), format!("/v1/jobs/{young}/model.zip")] {
@@ -155,7 +172,7 @@ async fn what_is_kept_no_longer_goes_with_its_blobs_and_what_is_used_stays() {
     }
     let mentions = |id: &str| site.blobs().iter().filter(|key| key.contains(id)).count();
     while mentions(&unused) + mentions(&old) > 0 {
-        assert!(start.elapsed() < Duration::from_secs(20), "blobs stay: {:?}", site.blobs());
+        assert!(start.elapsed() < crate::site::PATIENCE, "blobs stay: {:?}", site.blobs());
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     assert!(mentions(&used) > 0 && mentions(&young) > 0);
