@@ -14,8 +14,7 @@ use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 
 const HEALTH: &str = "GET /healthz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
-/// Longest wait for what should come at once, on a machine busy with others.
-pub const PATIENCE: Duration = Duration::from_secs(30);
+pub use crate::site::PATIENCE;
 
 /// A service that answers on a real socket.
 pub struct Listening {
@@ -119,7 +118,8 @@ async fn a_head_that_is_too_large_is_refused_and_the_service_stays() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn an_upload_that_only_drips_gives_up_its_place_and_one_that_is_merely_slow_does_not() {
-    let slowest = Slowest { interval: Duration::from_millis(500), bytes: 1000 };
+    // A client that the machine keeps waiting for two seconds is still fast enough.
+    let slowest = Slowest { interval: Duration::from_secs(3), bytes: 1000 };
     let mut site = Site::start_as(|config| Config { slowest, bounds: ROOMY, ..config }, prompt()).await;
     let service = Listening::on(&mut site);
     let bytes = crate::rays::zemax(100);
@@ -146,17 +146,18 @@ async fn an_upload_that_only_drips_gives_up_its_place_and_one_that_is_merely_slo
     };
     let answer = String::from_utf8_lossy(&answer[..count]);
     assert!(answer.starts_with("HTTP/1.1 408") && answer.contains("upload."), "{answer}");
-    assert!(site.rows(sql("SELECT id FROM ray_sets")).await.is_empty() && site.blobs().is_empty());
+    assert!(site.rows(sql("SELECT id FROM ray_sets")).await.is_empty());
+    site.until_blobs(<[String]>::is_empty).await;
 
     // Longer than the interval in all, and enough in each.
     let begun = Instant::now();
     let mut slow = service.open(head(bytes.len()).as_bytes()).await;
-    for piece in bytes.chunks(bytes.len() / 6) {
+    for piece in bytes.chunks(bytes.len() / 8) {
         slow.write_all(piece).await.unwrap();
-        tokio::time::sleep(Duration::from_millis(150)).await;
+        tokio::time::sleep(Duration::from_millis(450)).await;
     }
     let answer = ended(&mut slow).await;
-    assert!(begun.elapsed() > slowest.interval && bytes.len() / 6 > 500);
+    assert!(begun.elapsed() > slowest.interval);
     assert!(answer.starts_with("HTTP/1.1 201"), "{answer}");
     service.stop().await;
 }

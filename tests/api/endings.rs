@@ -30,7 +30,7 @@ async fn until(site: &Site, at: &str, done: impl Fn(&Value) -> bool) -> Value {
         if done(&upload) {
             return upload;
         }
-        assert!(start.elapsed() < Duration::from_secs(20), "still {upload}");
+        assert!(start.elapsed() < crate::site::PATIENCE, "still {upload}");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
 }
@@ -144,7 +144,8 @@ async fn a_packed_upload_is_the_ray_sets_in_it() {
         found.push(ray_set["sha256"].clone());
     }
     assert_eq!(found, [json!(sha256(&blue)), json!(sha256(&red))]);
-    assert_eq!(site.blobs().len(), 2, "the packed bytes are gone: {:?}", site.blobs());
+    // The packed bytes are gone.
+    site.until_blobs(|blobs| blobs.len() == 2).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -194,7 +195,7 @@ async fn until_leased(site: &Site, at: &str) {
     let leased = "SELECT id FROM uploads WHERE id = $1 AND lease_until_ms > {now}";
     let start = Instant::now();
     while site.rows(sql(leased).bind(id(at))).await.is_empty() {
-        assert!(start.elapsed() < Duration::from_secs(20), "nobody finishes it");
+        assert!(start.elapsed() < crate::site::PATIENCE, "nobody finishes it");
         tokio::time::sleep(Duration::from_millis(10)).await;
     }
 }
@@ -205,7 +206,7 @@ async fn until_tried_often(site: &Site, at: &str) {
     let start = Instant::now();
     while site.rows(sql(tried).bind(id(at)).bind(i64::from(site.config.max_attempts))).await.is_empty() {
         assert_eq!(site.get(at).await.json()["state"], "finishing");
-        assert!(start.elapsed() < Duration::from_secs(60), "it is not tried again");
+        assert!(start.elapsed() < crate::site::PATIENCE, "it is not tried again");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
 }
@@ -299,8 +300,7 @@ async fn an_upload_is_not_at_fault_when_the_service_stops() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn one_that_takes_long_stops_nothing_else() {
-    let expiry = Duration::from_secs(8);
-    let site = Site::start_as(|config| Config { upload_expiry: expiry, ..config }, prompt()).await;
+    let site = Site::start(prompt()).await;
     let (long, short) = (left_behind(&site, &rays::zemax(20)).await, left_behind(&site, &rays::zemax(20)).await);
     let Some(stuck) = Stuck::new(&site, &long).await else { return };
     let unfinished = begin(&site, 1000, &[]).await;
@@ -308,6 +308,7 @@ async fn one_that_takes_long_stops_nothing_else() {
     until_leased(&site, &long).await;
     complete(&site, &short).await;
     until(&site, &short, |upload| upload["state"] == "taken").await;
+    site.write(sql("UPDATE uploads SET expires_ms = {now} WHERE id = $1").bind(id(&unfinished))).await;
     until(&site, &unfinished, |upload| upload["code"] == "upload.not_found").await;
     assert_eq!(site.get(&long).await.json()["state"], "finishing");
     drop(stuck);
@@ -316,15 +317,23 @@ async fn one_that_takes_long_stops_nothing_else() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn what_nobody_goes_on_with_is_forgotten_and_what_it_became_is_not() {
-    let expiry = Duration::from_secs(5);
+    let expiry = Duration::from_hours(2);
     let site = Site::start_as(|config| Config { upload_expiry: expiry, ..config }, prompt()).await;
     let file = rays::zemax(50_000);
     let taken = send(&site, &file, 9_000_000, &[]).await;
     let unfinished = begin(&site, file.len(), &[]).await;
     append(&site, &unfinished, 0, file[..90_000].to_vec(), &[]).await;
+    // An hour later both are there, after the second they are not.
+    let later = "UPDATE uploads SET expires_ms = expires_ms - 3600000";
+    site.write(sql(later)).await;
+    tokio::time::sleep(5 * site.config.poll).await;
+    for kept in [&taken, &unfinished] {
+        assert_eq!(site.get(kept).await.status, StatusCode::OK);
+    }
+    site.write(sql(later)).await;
     let start = Instant::now();
     while site.blobs().len() > 1 || !site.rows(sql("SELECT id FROM uploads")).await.is_empty() {
-        assert!(start.elapsed() < Duration::from_secs(30), "{:?}", site.blobs());
+        assert!(start.elapsed() < crate::site::PATIENCE, "{:?}", site.blobs());
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     for gone in [&taken, &unfinished] {

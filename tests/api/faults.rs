@@ -135,7 +135,8 @@ async fn a_worker_that_lost_its_lease_publishes_nothing() {
     let lost = site.get(&format!("/v1/jobs/{job}")).await.json();
     assert_eq!((&lost["state"], &lost["attempt"]), (&json!("running"), &json!(2)));
     assert!(site.rows(sql("SELECT name FROM artifacts WHERE job_id = $1").bind(job.as_str())).await.is_empty());
-    assert!(!site.blobs().iter().any(|blob| blob.starts_with(&format!("artifacts/{job}"))), "{:?}", site.blobs());
+    let theirs = format!("artifacts/{job}");
+    site.until_blobs(|blobs| !blobs.iter().any(|blob| blob.starts_with(&theirs))).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

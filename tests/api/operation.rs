@@ -1,5 +1,5 @@
 use crate::runners::{Gate, burning, held, prompt, stubborn};
-use crate::site::Site;
+use crate::site::{PATIENCE, Site};
 use axum::body::Body;
 use axum::http::{Method, StatusCode};
 use lampwright::service::Config;
@@ -84,7 +84,7 @@ async fn it_answers_at_once_while_jobs_use_every_core() {
     );
     // Measured: 0.7 ms on 2 cores that others used too. A blocked thread would take for ever: the jobs last until the gate
     // opens.
-    assert!(times[100] < Duration::from_millis(250), "{:?}", times[100]);
+    assert!(times[100] < Duration::from_secs(5), "{:?}", times[100]);
     gate.open();
     for job in &jobs {
         site.until_state(job, "succeeded").await;
@@ -114,7 +114,8 @@ async fn it_stops_in_order() {
     site.post("/v1/jobs", &json!({ "channels": [{"ray_set": ray_set}] })).await.is_problem(503, "service.stopping");
     site.upload(crate::rays::zemax(3)).await.is_problem(503, "service.stopping");
     serving.await.unwrap().unwrap();
-    assert!(asked.elapsed() >= Duration::from_millis(400) && asked.elapsed() < Duration::from_secs(3));
+    // The job would hold it for ever; how much longer than its grace is for a quiet machine to say.
+    assert!(asked.elapsed() >= Duration::from_millis(400) && asked.elapsed() < PATIENCE);
     assert!(over_tcp(address, HEALTH).await.is_err());
 
     // The job went back with its attempt: stopping is not its fault.
@@ -156,7 +157,7 @@ async fn it_stops_even_if_a_job_does_not_listen() {
     site.until_state(&job, "running").await;
     let asked = Instant::now();
     site.service.take().unwrap().run_until(async {}).await.unwrap();
-    assert!(asked.elapsed() < Duration::from_secs(3), "{:?}", asked.elapsed());
+    assert!(asked.elapsed() < PATIENCE, "{:?}", asked.elapsed());
     site.restart(prompt()).await;
     assert_eq!(site.until_state(&job, "succeeded").await["attempt"], 2);
     gate.open();
@@ -164,11 +165,8 @@ async fn it_stops_even_if_a_job_does_not_listen() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn more_uploads_than_there_are_places_are_told_to_come_back_and_nobody_else() {
-    let site = Site::start_as(
-        |config| Config { slowest: Slowest { interval: Duration::from_secs(20), bytes: 1 }, ..config },
-        prompt(),
-    )
-    .await;
+    let site =
+        Site::start_as(|config| Config { slowest: Slowest { interval: PATIENCE, bytes: 1 }, ..config }, prompt()).await;
     let ray_set = site.ray_set().await;
     let job = site.job(&ray_set).await;
     let waiting = async {
@@ -179,7 +177,11 @@ async fn more_uploads_than_there_are_places_are_told_to_come_back_and_nobody_els
         futures::future::join_all(held).await
     };
     let others = async {
-        tokio::time::sleep(Duration::from_millis(200)).await;
+        let begun = Instant::now();
+        while !String::from_utf8(site.get("/metrics").await.body).unwrap().contains("lampwright_uploads 16\n") {
+            assert!(begun.elapsed() < PATIENCE, "not all of them began");
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
         site.upload(crate::rays::zemax(3)).await.is_problem(503, "service.busy");
         for path in ["/healthz", "/readyz", "/v1/jobs", "/v1/ray-sets"] {
             assert_eq!(site.get(path).await.status, StatusCode::OK);

@@ -7,6 +7,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use futures::stream;
 use lampwright::service::Config;
+use lampwright::service::pace::Slowest;
 use lampwright::service::storage::records::sql;
 use lampwright::service::upload::PART_BYTES;
 use serde_json::{Value, json};
@@ -16,7 +17,7 @@ use std::io;
 
 /// Nothing of a refused upload may be left.
 pub async fn nothing_left(site: &Site) {
-    assert!(site.blobs().is_empty(), "{:?}", site.blobs());
+    site.until_blobs(<[String]>::is_empty).await;
     assert!(site.rows(sql("SELECT id FROM ray_sets")).await.is_empty());
     assert!(site.rows(sql("SELECT blob FROM parts")).await.is_empty());
 }
@@ -148,7 +149,9 @@ async fn a_silent_sender_is_given_up() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_client_that_goes_away_leaves_nothing() {
-    let site = Site::start(prompt()).await;
+    // So that it is gone before it is too slow.
+    let slowest = Slowest { interval: std::time::Duration::from_secs(60), bytes: 1 };
+    let site = Site::start_as(|config| Config { slowest, ..config }, prompt()).await;
     let file = Bytes::from(rays::zemax(400_000));
     let (sender, receiver) = tokio::sync::mpsc::channel::<io::Result<Bytes>>(1);
     let body = Body::from_stream(stream::unfold(receiver, |mut receiver| async {
@@ -168,12 +171,6 @@ async fn a_client_that_goes_away_leaves_nothing() {
         () = client => {}
     }
     drop(sender);
-    for _ in 0..200 {
-        if site.blobs().is_empty() {
-            break;
-        }
-        tokio::time::sleep(std::time::Duration::from_millis(10)).await;
-    }
     nothing_left(&site).await;
 }
 
