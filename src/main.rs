@@ -1,7 +1,9 @@
 //! The command line: reads arguments and nothing else. `lampwright --help` is its documentation.
 
-use clap::{Parser, Subcommand};
-use lampwright::command::{Failure, backup, build, convert, health, inspect, keys, openapi, sample, serve, tenants};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use lampwright::command::{
+    Failure, backup, build, convert, environment, health, inspect, keys, openapi, sample, serve, tenants,
+};
 use std::process::ExitCode;
 
 /// Turns a light source's ray file into a continuous source model: hull mesh with spectra, zonal goniograms, IES files.
@@ -41,9 +43,16 @@ enum Verb {
 }
 
 fn main() -> ExitCode {
-    let arguments = CommandLine::parse();
-    let done = match arguments.verb.unwrap_or_else(|| Verb::Serve(Box::new(arguments.serve))) {
-        Verb::Serve(arguments) => serve::run(&arguments),
+    let command = environment::without_empty(CommandLine::command());
+    let unread = environment::unread(&command);
+    let read = CommandLine::from_arg_matches(&command.get_matches());
+    let arguments = read.unwrap_or_else(|error| error.format(&mut CommandLine::command()).exit());
+    let verb = arguments.verb.unwrap_or_else(|| Verb::Serve(Box::new(arguments.serve)));
+    if !matches!(verb, Verb::Serve(_)) {
+        unread.iter().for_each(|told| eprintln!("warning: {told}"));
+    }
+    let done = match verb {
+        Verb::Serve(arguments) => serve::run(&arguments, &unread),
         Verb::Build(arguments) => build::run(&arguments),
         Verb::Inspect(arguments) => inspect::run(&arguments),
         Verb::Convert(arguments) => convert::run(&arguments),
@@ -60,7 +69,6 @@ fn main() -> ExitCode {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     #[test]
     fn the_command_line_is_sound_and_serves_without_a_verb() {

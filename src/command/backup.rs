@@ -26,7 +26,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let copied = stores::run(async { Ok(backup::backup(&config, &arguments.to).await?) })?;
     output::print(format_args!(
         "{}: {} blobs, {} of them new ({} bytes); restore with: lampwright serve --data {0}\n",
-        arguments.to.display(),
+        output::visible(&arguments.to.display().to_string()),
         count(copied.blobs),
         count(copied.fresh),
         count(copied.fresh_bytes),

@@ -1,5 +1,6 @@
 //! What an operator allows: rates, quotas, room, retention. Arguments of `serve` that most never touch.
 
+use super::measure;
 use crate::service::access::quota::Quota;
 use crate::service::config::Retention;
 use crate::service::{Config, connections, pace};
@@ -14,45 +15,45 @@ pub struct Bounds {
     #[arg(long = "cors-origin", env = "LAMPWRIGHT_CORS_ORIGINS", value_name = "ORIGIN", value_delimiter = ',', value_parser = origin)]
     cors_origins: Vec<String>,
     /// Connections at once [default: 512].
-    #[arg(long, env = "LAMPWRIGHT_MAX_CONNECTIONS", value_name = "N")]
+    #[arg(long, env = "LAMPWRIGHT_MAX_CONNECTIONS", value_name = "N", value_parser = measure::at_least_one::<usize>)]
     max_connections: Option<usize>,
     /// Requests a second that a key may make on and on [default: 50].
-    #[arg(long, env = "LAMPWRIGHT_RATE", value_name = "N")]
+    #[arg(long, env = "LAMPWRIGHT_RATE", value_name = "N", value_parser = measure::at_least_one::<u32>)]
     rate: Option<u32>,
     /// Requests that a key may make at once after a rest [default: 200].
-    #[arg(long, env = "LAMPWRIGHT_BURST", value_name = "N")]
+    #[arg(long, env = "LAMPWRIGHT_BURST", value_name = "N", value_parser = measure::at_least_one::<u32>)]
     burst: Option<u32>,
-    /// Fewest bytes of an upload that must come in each minute [default: 61440].
-    #[arg(long, env = "LAMPWRIGHT_SLOWEST_UPLOAD", value_name = "BYTES")]
+    /// What must come of an upload in each minute, as 60KiB; 0 is no bound, so that a silent client keeps its place
+    /// [default: 60KiB].
+    #[arg(long, env = "LAMPWRIGHT_SLOWEST_UPLOAD", value_name = "SIZE", value_parser = measure::bytes)]
     slowest_upload: Option<u64>,
-    /// Days for which an upload that can be resumed is kept when nothing more comes, and what became of one that has ended
-    /// [default: 7].
-    #[arg(long, env = "LAMPWRIGHT_UPLOAD_EXPIRY", value_name = "DAYS")]
-    upload_expiry: Option<u32>,
-    /// Most bytes a tenant may keep [default: no limit]; `lampwright tenants set` says otherwise for one.
-    #[arg(long, env = "LAMPWRIGHT_QUOTA_BYTES", value_name = "BYTES")]
+    /// Time for which an upload that can be resumed is kept when nothing more comes, and what became of one that has ended, as
+    /// 36h or in days [default: 7d].
+    #[arg(long, env = "LAMPWRIGHT_UPLOAD_EXPIRY", value_name = "TIME", value_parser = measure::some_days)]
+    upload_expiry: Option<Duration>,
+    /// Most that a tenant may keep, as 10GiB [default: no limit]; `lampwright tenants set` says otherwise for one.
+    #[arg(long, env = "LAMPWRIGHT_QUOTA_BYTES", value_name = "SIZE", value_parser = measure::some_bytes)]
     quota_bytes: Option<u64>,
     /// Most jobs of a tenant that may wait [default: 10000].
-    #[arg(long, env = "LAMPWRIGHT_QUOTA_QUEUED", value_name = "N")]
+    #[arg(long, env = "LAMPWRIGHT_QUOTA_QUEUED", value_name = "N", value_parser = measure::at_least_one::<u64>)]
     quota_queued: Option<u64>,
     /// Most jobs of a tenant that are computed at once [default: no limit].
-    #[arg(long, env = "LAMPWRIGHT_QUOTA_RUNNING", value_name = "N")]
+    #[arg(long, env = "LAMPWRIGHT_QUOTA_RUNNING", value_name = "N", value_parser = measure::at_least_one::<u64>)]
     quota_running: Option<u64>,
-    /// Bytes kept free on local disks: with less, no upload is taken [default: 512 MiB].
-    #[arg(long, env = "LAMPWRIGHT_KEEP_FREE", value_name = "BYTES")]
+    /// What is kept free on local disks, as 2GiB: with less, no upload is taken; 0 is nothing [default: 512MiB].
+    #[arg(long, env = "LAMPWRIGHT_KEEP_FREE", value_name = "SIZE", value_parser = measure::bytes)]
     keep_free: Option<u64>,
-    /// Days after which an ended job and its artifacts are deleted [default: never].
-    #[arg(long, env = "LAMPWRIGHT_KEEP_JOBS", value_name = "DAYS")]
-    keep_jobs: Option<u32>,
-    /// Days after its last use after which a ray set is deleted [default: never].
-    #[arg(long, env = "LAMPWRIGHT_KEEP_RAY_SETS", value_name = "DAYS")]
-    keep_ray_sets: Option<u32>,
+    /// Time after which an ended job and its artifacts are deleted, as 36h or in days [default: never].
+    #[arg(long, env = "LAMPWRIGHT_KEEP_JOBS", value_name = "TIME", value_parser = measure::some_days)]
+    keep_jobs: Option<Duration>,
+    /// Time after its last use after which a ray set is deleted, as 36h or in days [default: never].
+    #[arg(long, env = "LAMPWRIGHT_KEEP_RAY_SETS", value_name = "TIME", value_parser = measure::some_days)]
+    keep_ray_sets: Option<Duration>,
 }
 
 impl Bounds {
     /// `config` with what was said.
     pub fn over(&self, config: Config) -> Config {
-        let days = |days: u32| Duration::from_hours(24 * u64::from(days));
         let Config { quota, bounds, slowest, retention, .. } = config;
         Config {
             cors_origins: self.cors_origins.clone(),
@@ -60,7 +61,7 @@ impl Bounds {
             rate_per_second: self.rate.unwrap_or(config.rate_per_second),
             rate_burst: self.burst.unwrap_or(config.rate_burst),
             slowest: pace::Slowest { bytes: self.slowest_upload.unwrap_or(slowest.bytes), ..slowest },
-            upload_expiry: self.upload_expiry.map_or(config.upload_expiry, days),
+            upload_expiry: self.upload_expiry.unwrap_or(config.upload_expiry),
             quota: Quota {
                 stored_bytes: self.quota_bytes.unwrap_or(quota.stored_bytes),
                 queued_jobs: self.quota_queued.unwrap_or(quota.queued_jobs),
@@ -68,8 +69,8 @@ impl Bounds {
             },
             keep_free: self.keep_free.unwrap_or(config.keep_free),
             retention: Retention {
-                jobs: self.keep_jobs.map(days).or(retention.jobs),
-                ray_sets: self.keep_ray_sets.map(days).or(retention.ray_sets),
+                jobs: self.keep_jobs.or(retention.jobs),
+                ray_sets: self.keep_ray_sets.or(retention.ray_sets),
                 ..retention
             },
             ..config

@@ -4,7 +4,7 @@ use super::declaration::{self, ChannelFile};
 use super::inspect::notice_rows;
 use super::progress::Progress;
 use super::table::{Table, count, flux, number, percent, triple};
-use super::{Failure, argument, output};
+use super::{Failure, argument, measure, output};
 use crate::pipeline::artifacts::{IesEdition, Spectra, zip};
 use crate::pipeline::flux::balance::Share;
 use crate::pipeline::hull::Label;
@@ -33,7 +33,7 @@ pub struct Arguments {
     #[command(flatten)]
     choices: Choices,
     /// Threads [default: as many as the machine has].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = measure::at_least_one::<usize>)]
     threads: Option<usize>,
 }
 

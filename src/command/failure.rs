@@ -1,6 +1,8 @@
 //! What goes wrong, told to a person at a terminal: code, what, where, what to do.
 
+use super::output::visible;
 use crate::pipeline::{Error, Fault};
+use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -36,6 +38,24 @@ impl Failure {
             .at(path.display().to_string())
     }
 
+    /// The service's folder cannot be written: mostly because it is another user's, as a folder of the host is that is mounted
+    /// into a container.
+    pub fn folder(code: &str, folder: &Path, error: &std::io::Error) -> Failure {
+        let owner = |path: &Path| std::fs::metadata(path).ok().map(|found| found.uid());
+        // The kernel shows a process to itself as what it is.
+        let user = owner(Path::new("/proc/self")).map_or("its user".to_owned(), |uid| format!("user {uid}"));
+        let belongs = folder
+            .ancestors()
+            .find_map(owner)
+            .map_or(String::new(), |uid| format!(" It, or the folder that it would be made in, is user {uid}'s."));
+        let found = format!("The folder cannot be written: {error}. This process runs as {user}.{belongs}");
+        let remedy = format!(
+            "Give the folder to {user} (chown -R, on the host where it is mounted from there), or run this as the folder's owner \
+             (docker run --user UID:GID), or name another folder with --data."
+        );
+        Failure::failed(code, found, remedy).at(folder.display().to_string())
+    }
+
     /// The same failure, in a place: a file, an option.
     pub fn at(self, place: impl Into<String>) -> Failure {
         let place = match self.place {
@@ -54,12 +74,13 @@ impl Failure {
 
 impl std::fmt::Display for Failure {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "error {}\n  what   {}", self.code, self.found)?;
+        // What was found may be told in the words of a file, and the place be its name.
+        write!(f, "error {}\n  what   {}", self.code, visible(&self.found))?;
         if let Some(place) = &self.place {
-            write!(f, "\n  where  {place}")?;
+            write!(f, "\n  where  {}", visible(place))?;
         }
         if let Some(remedy) = &self.remedy {
-            write!(f, "\n  do     {remedy}")?;
+            write!(f, "\n  do     {}", visible(remedy))?;
         }
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! `inspect`: what a file says of itself, and what its rays say. Users want these checks before they want a model.
 
 use super::declaration::{self, ChannelFile};
+use super::output::visible;
 use super::progress::Progress;
 use super::table::{Table, count, flux, number, triple};
 use super::{Failure, output};
@@ -29,7 +30,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (found, declared, notices) = arguments.file.find()?;
     for (name, error) in &found.left_out {
-        eprintln!("left out {name} ({}): {error}", error.code());
+        eprintln!("left out {} ({}): {}", visible(name), error.code(), visible(&error.to_string()));
     }
     let mut failed = None;
     for input in found.open_all() {

@@ -2,13 +2,11 @@
 
 use super::stores::Stores;
 use super::table::{Table, moment};
-use super::{Failure, output};
+use super::{Failure, measure, output};
 use crate::service::access::keys::{self, Issued, Key, NewKey};
 use crate::service::access::{DEFAULT_TENANT, Scope, tenants};
 use clap::{Args, Subcommand};
-
-const DAY_MS: i64 = 24 * 3_600_000;
-const HOUR_MS: i64 = 3_600_000;
+use std::time::Duration;
 
 /// Arguments of `keys`.
 #[derive(Args)]
@@ -30,9 +28,9 @@ enum What {
         /// What to call it.
         #[arg(long, default_value = "", value_name = "TEXT")]
         name: String,
-        /// Days it lasts [default: until it is revoked].
-        #[arg(long, value_name = "DAYS", value_parser = clap::value_parser!(u32).range(1..))]
-        expires: Option<u32>,
+        /// Time it lasts, as 36h or in days [default: until it is revoked].
+        #[arg(long, value_name = "TIME", value_parser = measure::some_days)]
+        expires: Option<Duration>,
         #[command(flatten)]
         stores: Stores,
     },
@@ -48,9 +46,9 @@ enum What {
     Rotate {
         /// The one to end.
         id: String,
-        /// Hours for which both open.
-        #[arg(long, value_name = "HOURS", default_value_t = 24)]
-        overlap: u32,
+        /// Time for which both open, as 30m or in hours; 0 ends the old one at once.
+        #[arg(long, value_name = "TIME", default_value = "24h", value_parser = measure::hours)]
+        overlap: Duration,
         #[command(flatten)]
         stores: Stores,
     },
@@ -61,6 +59,10 @@ enum What {
         #[command(flatten)]
         stores: Stores,
     },
+}
+
+fn milliseconds(time: Duration) -> i64 {
+    i64::try_from(time.as_millis()).unwrap_or(i64::MAX)
 }
 
 fn tenant(text: &str) -> Result<String, String> {
@@ -80,7 +82,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     match arguments.what {
         What::Create { tenant, scopes, name, expires, stores } => {
             let scopes = if scopes.is_empty() { Scope::OF_A_TENANT.to_vec() } else { scopes };
-            let new = NewKey { tenant, name, scopes, lifetime_ms: expires.map(|days| i64::from(days) * DAY_MS) };
+            let new = NewKey { tenant, name, scopes, lifetime_ms: expires.map(milliseconds) };
             tell(&stores.with_records(async |records| keys::create(records, &new).await)?)?;
         }
         What::List { tenant, stores } => {
@@ -88,7 +90,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
             output::print(table(&listed))?;
         }
         What::Rotate { id, overlap, stores } => {
-            let overlap_ms = i64::from(overlap) * HOUR_MS;
+            let overlap_ms = milliseconds(overlap);
             let issued = stores.with_records(async |records| keys::rotate(records, &id, overlap_ms).await)?;
             tell(&issued.ok_or_else(|| none(&id))?)?;
         }

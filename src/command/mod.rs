@@ -11,6 +11,10 @@ mod file;
 mod progress;
 /// Values that several verbs read from their arguments.
 mod argument;
+/// Sizes, times and counts as an operator writes them.
+mod measure;
+/// The variables that stand for arguments.
+pub mod environment;
 /// A ray file and what its user says of it, as one argument.
 mod declaration;
 /// Aligned text for people.

@@ -1,6 +1,7 @@
 //! What a verb answers, on standard output.
 
 use super::Failure;
+pub use crate::service::telemetry::visible;
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
 

@@ -45,7 +45,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let source = synthetic::by_name(name).ok_or_else(|| unknown().at(name))?.rotate(arguments.axis);
     let path = arguments.output.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.tm25ray")));
     write(&source, arguments, &path).map_err(|error| Failure::disk(&path, &error))?;
-    output::print(format_args!("{}: {} rays of {name}, seed {}\n", path.display(), arguments.rays, arguments.seed))
+    let place = path.display().to_string();
+    let (place, seed) = (output::visible(&place), arguments.seed);
+    output::print(format_args!("{place}: {} rays of {name}, seed {seed}\n", arguments.rays))
 }
 
 fn write(source: &KnownSource, arguments: &Arguments, path: &Path) -> std::io::Result<()> {

@@ -3,7 +3,7 @@
 
 use super::bounds::Bounds;
 use super::elsewhere::Elsewhere;
-use super::{Failure, output};
+use super::{Failure, measure, output};
 use crate::pipeline::Limits;
 use crate::pipeline::rays::synthetic;
 use crate::service::priority;
@@ -46,40 +46,40 @@ pub struct Arguments {
     #[arg(long, env = "ROLE", value_enum, default_value_t)]
     role: Part,
     /// Jobs computed at once [default: 2].
-    #[arg(long, env = "LAMPWRIGHT_JOBS", value_name = "N", value_parser = at_least_one)]
+    #[arg(long, env = "LAMPWRIGHT_JOBS", value_name = "N", value_parser = measure::at_least_one::<usize>)]
     jobs: Option<usize>,
     /// Threads each job computes on [default: as many as the machine has].
-    #[arg(long, env = "LAMPWRIGHT_THREADS", value_name = "N", value_parser = at_least_one)]
+    #[arg(long, env = "LAMPWRIGHT_THREADS", value_name = "N", value_parser = measure::at_least_one::<usize>)]
     threads: Option<usize>,
     /// Memory that all jobs computed at once are expected to need at most; one that needs more is refused, one that does not
-    /// fit now waits [default: three quarters of what the machine or its control group has].
-    #[arg(long, env = "LAMPWRIGHT_MEMORY", value_name = "BYTES")]
+    /// fit now waits; as 4GiB [default: three quarters of what the machine or its control group has].
+    #[arg(long, env = "LAMPWRIGHT_MEMORY", value_name = "SIZE", value_parser = measure::some_bytes)]
     memory: Option<u64>,
-    /// Seconds that an attempt at a job may take before it is stopped and the job fails [default: 21600].
-    #[arg(long, env = "LAMPWRIGHT_JOB_TIMEOUT", value_name = "SECONDS", value_parser = at_least_one)]
-    job_timeout: Option<usize>,
-    /// Largest file taken, and most bytes that a packed one may unpack to [default: 64 GiB].
-    #[arg(long, env = "LAMPWRIGHT_MAX_UPLOAD", value_name = "BYTES")]
+    /// Time that an attempt at a job may take before it is stopped and the job fails, as 90m or in seconds [default: 6h].
+    #[arg(long, env = "LAMPWRIGHT_JOB_TIMEOUT", value_name = "TIME", value_parser = measure::some_seconds)]
+    job_timeout: Option<Duration>,
+    /// Largest file taken, and most bytes that a packed one may unpack to [default: 64GiB].
+    #[arg(long, env = "LAMPWRIGHT_MAX_UPLOAD", value_name = "SIZE", value_parser = measure::some_bytes)]
     max_upload: Option<u64>,
     /// Ask for keys. Where others can reach the service it always does, and refuses to start without any: make the first with
     /// `lampwright keys create`, or say `on` and make it later.
     #[arg(long, env = "LAMPWRIGHT_AUTH", value_enum, default_value_t)]
     auth: Auth,
-    /// Seconds that running jobs and open connections get when the service stops [default: 10].
-    #[arg(long, env = "LAMPWRIGHT_GRACE", value_name = "SECONDS")]
-    grace: Option<u64>,
+    /// Time that running jobs and open connections get when the service stops, as 8s or in seconds; 0 is none [default: 10s].
+    #[arg(long, env = "LAMPWRIGHT_GRACE", value_name = "TIME", value_parser = measure::seconds)]
+    grace: Option<Duration>,
     /// How often a job may be begun before it counts as what kills its worker [default: 3].
-    #[arg(long, env = "LAMPWRIGHT_ATTEMPTS", value_name = "N", value_parser = at_least_one)]
-    attempts: Option<usize>,
-    /// Seconds that a worker may be silent before its job is given to another [default: 30].
-    #[arg(long, env = "LAMPWRIGHT_LEASE", value_name = "SECONDS", value_parser = at_least_one)]
-    lease: Option<usize>,
-    /// Seconds for which nothing was written where a blob is that no row names, before it is deleted [default: 86400]. Far
-    /// above the longest upload, inspection and unpacking: to this clock they are silent.
-    #[arg(long, env = "LAMPWRIGHT_GARBAGE_AGE", value_name = "SECONDS", value_parser = at_least_one)]
-    garbage_age: Option<usize>,
+    #[arg(long, env = "LAMPWRIGHT_ATTEMPTS", value_name = "N", value_parser = measure::at_least_one::<u32>)]
+    attempts: Option<u32>,
+    /// Time that a worker may be silent before its job is given to another, as 30s or in seconds [default: 30s].
+    #[arg(long, env = "LAMPWRIGHT_LEASE", value_name = "TIME", value_parser = measure::some_seconds)]
+    lease: Option<Duration>,
+    /// Time for which nothing was written where a blob is that no row names, before it is deleted, as 24h or in seconds
+    /// [default: 24h]. Far above the longest upload, inspection and unpacking: to this clock they are silent.
+    #[arg(long, env = "LAMPWRIGHT_GARBAGE_AGE", value_name = "TIME", value_parser = measure::some_seconds)]
+    garbage_age: Option<Duration>,
     /// Do not begin an empty data folder with a known source.
-    #[arg(long, env = "LAMPWRIGHT_NO_SAMPLE")]
+    #[arg(long, env = "LAMPWRIGHT_NO_SAMPLE", value_parser = clap::builder::BoolishValueParser::new())]
     no_sample: bool,
     /// What is logged on standard error: error, warn, info, debug, or a filter as lampwright=debug,info.
     #[arg(long, env = "LAMPWRIGHT_LOG", default_value = "info", value_name = "FILTER")]
@@ -123,14 +123,9 @@ enum LogLines {
     Json,
 }
 
-fn at_least_one(text: &str) -> Result<usize, String> {
-    text.parse().ok().filter(|count| *count > 0).ok_or_else(|| "write a whole number from 1".to_owned())
-}
-
 impl Arguments {
     fn config(&self) -> Config {
         let defaults = Config::new(&self.data);
-        let seconds = |given: Option<usize>, default| given.map_or(default, |count| Duration::from_secs(count as u64));
         let max_upload_bytes = self.max_upload.unwrap_or(defaults.max_upload_bytes);
         Config {
             role: match self.role {
@@ -140,33 +135,34 @@ impl Arguments {
             },
             database_url: self.database_url.clone(),
             storage_url: self.storage_url.clone(),
-            max_attempts: self.attempts.map_or(defaults.max_attempts, |count| u32::try_from(count).unwrap_or(u32::MAX)),
-            lease: seconds(self.lease, defaults.lease),
-            garbage_age: seconds(self.garbage_age, defaults.garbage_age),
+            max_attempts: self.attempts.unwrap_or(defaults.max_attempts),
+            lease: self.lease.unwrap_or(defaults.lease),
+            garbage_age: self.garbage_age.unwrap_or(defaults.garbage_age),
             listen: self.listen,
             concurrency: self.jobs.unwrap_or(defaults.concurrency),
             threads: self.threads.unwrap_or(defaults.threads),
             memory_bytes: self.memory.unwrap_or(defaults.memory_bytes),
-            job_timeout: seconds(self.job_timeout, defaults.job_timeout),
+            job_timeout: self.job_timeout.unwrap_or(defaults.job_timeout),
             max_upload_bytes,
             limits: Limits { max_expanded_bytes: max_upload_bytes, ..defaults.limits },
-            grace: self.grace.map_or(defaults.grace, Duration::from_secs),
+            grace: self.grace.unwrap_or(defaults.grace),
             auth: self.auth == Auth::On,
             ..self.elsewhere.over(self.bounds.over(defaults))
         }
     }
 }
 
-/// Serves until SIGINT or SIGTERM.
+/// Serves until SIGINT or SIGTERM. `unread` is told in the log: see [`super::environment::unread`].
 ///
 /// # Errors
 /// A data folder, an address or a store that cannot be had.
-pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+pub fn run(arguments: &Arguments, unread: &[String]) -> Result<(), Failure> {
     let format = match arguments.log_format {
         LogLines::Text => LogFormat::Text,
         LogLines::Json => LogFormat::Json,
     };
     let _telemetry = telemetry::init(format, &arguments.log);
+    unread.iter().for_each(|told| tracing::warn!("{told}"));
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build();
     let runtime = runtime.map_err(|error| {
         Failure::failed("serve.runtime", error.to_string(), "Allow this process more threads and files.")
@@ -267,7 +263,7 @@ pub(super) fn reachable(address: SocketAddr) -> SocketAddr {
 impl From<StartError> for Failure {
     fn from(error: StartError) -> Failure {
         let (code, remedy) = match &error {
-            StartError::Folder { .. } => ("serve.folder", "Name another with --data, or see to its permissions."),
+            StartError::Folder { folder, error } => return Failure::folder("serve.folder", folder, error),
             StartError::Locked(_) => ("serve.locked", "Stop the other process, or name another folder with --data."),
             StartError::Listen { .. } => ("serve.listen", "Name another with --listen; port 0 takes any free one."),
             StartError::NoKeys(_) => (

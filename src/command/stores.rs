@@ -35,7 +35,12 @@ impl Stores {
     pub fn with_records<T>(&self, work: impl AsyncFnOnce(&Records) -> Result<T, storage::Error>) -> Result<T, Failure> {
         let config = self.config();
         run(async move {
-            std::fs::create_dir_all(&config.data).map_err(|error| Failure::disk(&config.data, &error))?;
+            let unwritable = |error: std::io::Error| Failure::folder("stores.folder", &config.data, &error);
+            std::fs::create_dir_all(&config.data).map_err(unwritable)?;
+            if config.database_url.is_none() {
+                // SQLite says only that it cannot open its file.
+                tempfile::tempfile_in(&config.data).map_err(unwritable)?;
+            }
             let records = Records::open(&config.database_url()).await?;
             let done = work(&records).await;
             records.close().await;

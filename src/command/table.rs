@@ -1,5 +1,6 @@
 //! Aligned text for people: a heading, then cells in columns.
 
+use super::output::visible;
 use crate::pipeline::vocabulary::units::Flux;
 use crate::service::calendar::rfc_3339;
 
@@ -10,9 +11,10 @@ pub struct Table {
 }
 
 impl Table {
-    /// A row; a heading said by the row above is left blank.
+    /// A row; a heading said by the row above is left blank. What a terminal would obey is written out.
     pub fn row<const N: usize>(&mut self, heading: &str, cells: [String; N]) {
-        self.rows.push((heading.to_owned(), cells.into()));
+        let shown = |text: &str| visible(text).into_owned();
+        self.rows.push((shown(heading), cells.iter().map(|cell| shown(cell)).collect()));
     }
 }
 
@@ -110,6 +112,14 @@ mod tests {
             table.to_string(),
             "flux     in        1 lm\n         rejected  0 lm\nnotices  a sentence that is longer than any column\n"
         );
+    }
+
+    #[test]
+    fn a_name_cannot_act_on_the_terminal_and_columns_line_up_all_the_same() {
+        let mut table = Table::default();
+        table.row("la\u{202e}b", ["\x1b[31m".into(), "one".into()]);
+        table.row("shop", ["b\nc".into(), "two".into()]);
+        assert_eq!(table.to_string(), "la\\u{202e}b  \\u{1b}[31m  one\nshop         b\\u{a}c     two\n");
     }
 
     #[test]

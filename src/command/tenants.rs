@@ -2,7 +2,7 @@
 
 use super::stores::Stores;
 use super::table::{Table, count};
-use super::{Failure, output};
+use super::{Failure, measure, output};
 use crate::service::access::quota::{self, Usage};
 use crate::service::access::tenants::{self, Tenant};
 use crate::service::storage::Error;
@@ -27,13 +27,13 @@ enum What {
     Set {
         /// Which: a-z, 0-9 and -.
         tenant: String,
-        /// Most bytes kept.
-        #[arg(long, value_name = "BYTES", value_parser = limit)]
+        /// Most that is kept, as 10GiB; 0 lets nothing more in.
+        #[arg(long, value_name = "SIZE", value_parser = size)]
         stored_bytes: Option<Limit>,
-        /// Most jobs waiting.
+        /// Most jobs waiting; 0 lets none wait.
         #[arg(long, value_name = "N", value_parser = limit)]
         queued_jobs: Option<Limit>,
-        /// Most jobs computed at once.
+        /// Most jobs computed at once; with 0, they wait.
         #[arg(long, value_name = "N", value_parser = limit)]
         running_jobs: Option<Limit>,
         #[command(flatten)]
@@ -49,6 +49,13 @@ fn limit(text: &str) -> Result<Limit, String> {
     match text {
         "default" => Ok(Limit(None)),
         text => text.parse().map(|limit| Limit(Some(limit))).map_err(|_| "write a whole number, or default".to_owned()),
+    }
+}
+
+fn size(text: &str) -> Result<Limit, String> {
+    match text {
+        "default" => Ok(Limit(None)),
+        text => measure::bytes(text).map(|size| Limit(Some(size))).map_err(|wrong| format!("{wrong}, or default")),
     }
 }
 

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// The variable that names a point and, after a colon, at which pass; without a number the first.
-const VARIABLE: &str = "LAMPWRIGHT_CRASH_AT";
+pub const VARIABLE: &str = "LAMPWRIGHT_CRASH_AT";
 
 /// Every point, in the order of an upload, a job and what is told of it. A stage's is "stage." and its name.
 pub const POINTS: [&str; 21] = [
@@ -60,7 +60,7 @@ pub fn stage(name: &str) {
 }
 
 fn armed() -> Option<Armed> {
-    let wanted = std::env::var(VARIABLE).ok()?;
+    let wanted = std::env::var(VARIABLE).ok().filter(|wanted| !wanted.is_empty())?;
     let (point, pass) = wanted.split_once(':').unwrap_or((&wanted, "1"));
     let passes_left = AtomicU64::new(pass.parse().ok()?);
     tracing::warn!(point, pass, "armed: this process will die");

@@ -58,7 +58,7 @@ const PIPELINE_CRATES: [&str; 13] = [
 const WORLD: [&str; 6] = ["env", "fs", "net", "process", "thread", "time"];
 
 /// One foreign library, one file (or folder): whoever replaces it reads no other. The one with two rows is the operating system.
-const HOMES: [(&str, &str); 24] = [
+const HOMES: [(&str, &str); 27] = [
     ("flate2", "pipeline/rays/container"),
     ("ruzstd", "pipeline/rays/container/zstd"),
     ("obvhs", "pipeline/flux/bvh"),
@@ -83,6 +83,9 @@ const HOMES: [(&str, &str); 24] = [
     ("tracing_opentelemetry", "service/telemetry/traces"),
     ("rustls", "service/tls"),
     ("indicatif", "command/progress"),
+    ("bytesize", "command/measure"),
+    ("humantime", "command/measure"),
+    ("strsim", "command/environment"),
 ];
 
 /// Longest file, in lines.

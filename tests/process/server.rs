@@ -2,9 +2,10 @@
 
 use crate::http::{Answer, ask};
 use serde_json::Value;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Longest wait for a job of these tests, on a machine busy with others.
@@ -42,7 +43,22 @@ impl Server {
     /// Starts one on `data`; returns once it has said where it is.
     pub fn start(data: &Path, arguments: &[&str]) -> Server {
         let mut command = command(&["--listen", "127.0.0.1:0", "--log", "warn", "--data"]);
-        let mut child = command.arg(data).args(arguments).stdout(Stdio::piped()).spawn().unwrap();
+        command.arg(data).args(arguments);
+        Server::of(command.stdout(Stdio::piped()).spawn().unwrap())
+    }
+
+    /// Starts `command`; what it logs until it ends.
+    pub fn with_log(command: &mut Command) -> (Server, JoinHandle<String>) {
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut log = child.stderr.take().unwrap();
+        let reading = std::thread::spawn(move || {
+            let mut text = String::new();
+            log.read_to_string(&mut text).map(|_| text).unwrap()
+        });
+        (Server::of(child), reading)
+    }
+
+    fn of(mut child: Child) -> Server {
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
         let first = lines.next().expect("a first line").unwrap();
         let address = first.rsplit_once("http://").unwrap_or_else(|| panic!("no address: {first}")).1.to_owned();

@@ -19,7 +19,7 @@ pub struct Traces(SdkTracerProvider);
 impl Traces {
     /// Begins, if there is a collector; with the layer that gives it spans.
     pub fn begin<S: Subscriber + for<'a> LookupSpan<'a>>() -> Option<(Traces, OpenTelemetryLayer<S, Tracer>)> {
-        PLACES.iter().find_map(std::env::var_os)?;
+        PLACES.iter().filter_map(std::env::var_os).find(|place| !place.is_empty())?;
         // A collector may be asked over TLS.
         tls::install();
         let exporter = match SpanExporter::builder().with_http().build() {
