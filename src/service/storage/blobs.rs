@@ -11,6 +11,7 @@ use object_store::local::LocalFileSystem;
 use object_store::path::Path;
 use object_store::prefix::PrefixStore;
 use object_store::{BackoffConfig, ClientConfigKey, GetOptions, GetRange, ObjectStore, ObjectStoreExt, RetryConfig};
+use std::ffi::OsString;
 use std::io;
 use std::net::IpAddr;
 use std::ops::Range;
@@ -67,7 +68,7 @@ impl Blobs {
     fn open_bucket(place: &str) -> Result<Blobs, Error> {
         tls::install();
         let (bucket, prefix) = place.split_once('/').unwrap_or((place, ""));
-        let builder = AmazonS3Builder::from_env().with_bucket_name(bucket);
+        let builder = told_by(std::env::vars_os()).with_bucket_name(bucket);
         // Without TLS only on this machine, where nobody listens in; AWS_ALLOW_HTTP says otherwise.
         let endpoint = builder.get_config_value(&AmazonS3ConfigKey::Endpoint);
         let builder = match endpoint.is_some_and(|endpoint| is_loopback(&endpoint)) {
@@ -229,9 +230,19 @@ impl From<object_store::Error> for Error {
     }
 }
 
+/// What the variables `AWS_..` say of a bucket: `AmazonS3Builder::from_env`, but for those that are empty, which say nothing.
+fn told_by(variables: impl Iterator<Item = (OsString, OsString)>) -> AmazonS3Builder {
+    let texts = variables.filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)));
+    let ours = texts.filter(|(name, value)| name.starts_with("AWS_") && !value.is_empty());
+    let known =
+        ours.filter_map(|(name, value)| Some((name.to_ascii_lowercase().parse::<AmazonS3ConfigKey>().ok()?, value)));
+    known.fold(AmazonS3Builder::new(), |builder, (key, value)| builder.with_config(key, value))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::is_loopback;
+    use super::{is_loopback, told_by};
+    use object_store::aws::AmazonS3ConfigKey;
 
     #[test]
     fn only_this_machine_is_asked_without_tls() {
@@ -242,5 +253,13 @@ mod tests {
         {
             assert!(!is_loopback(away), "{away}");
         }
+    }
+
+    #[test]
+    fn an_empty_variable_says_nothing_of_a_bucket() {
+        let variables = [("AWS_REGION", "eu-1"), ("AWS_ENDPOINT_URL", ""), ("AWS_QUX", "x"), ("REGION", "no")];
+        let builder = told_by(variables.into_iter().map(|(name, value)| (name.into(), value.into())));
+        assert_eq!(builder.get_config_value(&AmazonS3ConfigKey::Region).as_deref(), Some("eu-1"));
+        assert_eq!(builder.get_config_value(&AmazonS3ConfigKey::Endpoint), None);
     }
 }
