@@ -163,7 +163,7 @@ impl Copied {
 }
 
 /// Copies the upload that `blob` belongs to anew, as it is now, until nothing of it is replaced meanwhile; false when it
-/// belongs to none, or that is gone. [`Error::Outrun`] when it has become ray sets.
+/// belongs to none, or that is gone. [`Error::Outrun`] when it has become ray sets, or a piece of another upload.
 async fn follow(
     live: &Storage,
     from: &Path,
@@ -178,11 +178,12 @@ async fn follow(
     // One statement: the offset is that of these parts.
     let now = "SELECT state, uploads.byte_count AS whole, offset_bytes, sha256_state, number, \
                upload_parts.byte_count AS byte_count, blob FROM uploads JOIN upload_parts ON upload_id = id \
-               WHERE id = $1 AND state IN ('receiving', 'finishing') ORDER BY number";
+               WHERE id = $1 AND state IN ('receiving', 'finishing', 'complete') ORDER BY number";
     'again: loop {
         let parts = live.records.read(sql(now).bind(upload.as_str())).await?;
         let Some(first) = parts.first() else {
-            let taken = sql("SELECT id FROM uploads WHERE id = $1 AND state = 'taken'").bind(upload.as_str());
+            let taken =
+                sql("SELECT id FROM uploads WHERE id = $1 AND state IN ('taken', 'joined')").bind(upload.as_str());
             return match live.records.read_one(taken).await? {
                 Some(_) => Err(Error::Outrun),
                 None => Ok(false),

@@ -8,11 +8,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub const VARIABLE: &str = "LAMPWRIGHT_CRASH_AT";
 
 /// Every point, in the order of an upload, a job and what is told of it. A stage's is "stage." and its name.
-pub const POINTS: [&str; 21] = [
+pub const POINTS: [&str; 23] = [
     "upload.part_stored",
     "upload.before_commit",
     "upload.committed",
     "append.committed",
+    "join.before_commit",
+    "join.committed",
     "take.before_commit",
     "take.committed",
     "submit.before_commit",

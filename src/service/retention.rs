@@ -5,7 +5,7 @@ use super::config::Retention;
 use super::jobs::queue::{self, Queue};
 use super::storage::ray_sets::{self, Deletion};
 use super::storage::records::{Row, Statement, ms, sql};
-use super::storage::{Error, Storage, ray_set_folder};
+use super::storage::{Error, Storage};
 use std::time::Duration;
 use tokio::time::{MissedTickBehavior, interval};
 
@@ -41,8 +41,8 @@ pub async fn enforce(storage: &Storage, queue: &Queue, retention: &Retention) ->
     }
     if let Some(age) = retention.ray_sets {
         for (tenant, id) in every(storage, unused(age)).await? {
-            if ray_sets::delete(&storage.records, &tenant, &id).await? == Deletion::Deleted {
-                storage.blobs.delete_all(&ray_set_folder(&id)).await?;
+            if let Deletion::Deleted(folders) = ray_sets::delete(&storage.records, &tenant, &id).await? {
+                storage.blobs.delete_folders(&folders).await?;
                 deleted.ray_sets += 1;
             }
         }

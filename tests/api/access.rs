@@ -20,15 +20,15 @@ fn with_keys(config: Config) -> Config {
 }
 
 /// An operation of the contract.
-struct Operation {
-    id: String,
-    method: Method,
-    path: String,
+pub struct Operation {
+    pub id: String,
+    pub method: Method,
+    pub path: String,
     /// What a key needs one of; none for what everybody may ask.
     scopes: Vec<Scope>,
 }
 
-fn operations() -> Vec<Operation> {
+pub fn operations() -> Vec<Operation> {
     let contract: Value = serde_json::from_str(&openapi()).unwrap();
     let mut operations = Vec::new();
     for (path, item) in contract["paths"].as_object().unwrap() {
@@ -44,7 +44,7 @@ fn operations() -> Vec<Operation> {
 }
 
 /// What one tenant has: an id for every path parameter of the contract.
-struct Things {
+pub struct Things {
     ray_set: String,
     upload: String,
     spectrum: String,
@@ -55,7 +55,7 @@ struct Things {
 
 impl Things {
     /// The address of an operation on these things.
-    fn address(&self, path: &str) -> String {
+    pub fn address(&self, path: &str) -> String {
         let kind = path.split('/').nth(2).unwrap_or_default();
         let id = match kind {
             "ray-sets" => &self.ray_set,
@@ -71,7 +71,7 @@ impl Things {
     }
 
     /// A body that names these things, where an operation takes one.
-    fn body(&self, operation: &str) -> Body {
+    pub fn body(&self, operation: &str) -> Body {
         match operation {
             "create_job" => json!({ "channels": [{"ray_set": self.ray_set}] }).to_string().into(),
             "create_webhook" => json!({ "url": NOWHERE }).to_string().into(),
@@ -84,7 +84,7 @@ impl Things {
         }
     }
 
-    async fn ask(&self, site: &Site, operation: &Operation, authorization: Option<&str>) -> Reply {
+    pub async fn ask(&self, site: &Site, operation: &Operation, authorization: Option<&str>) -> Reply {
         let mut headers = match operation.path.starts_with(TUS) {
             true => TUS_HEADERS.to_vec(),
             false => vec![("content-type", "application/json")],
@@ -96,7 +96,7 @@ impl Things {
 
 /// Whoever asks there speaks it.
 const TUS: &str = "/v1/uploads";
-const TUS_HEADERS: [(&str, &str); 4] = [
+pub const TUS_HEADERS: [(&str, &str); 4] = [
     ("tus-resumable", "1.0.0"),
     ("upload-length", "488"),
     ("upload-offset", "0"),
@@ -108,7 +108,7 @@ const NOWHERE: &str = "https://receiver.invalid/";
 const SPECTRUM: &str = "500 0\n550 1\n600 0\n";
 
 /// A site where the tenant `lab` has a ray set, an upload that waits for its bytes, a spectrum and a job that has succeeded.
-async fn lab() -> (Site, Things) {
+pub async fn lab() -> (Site, Things) {
     let mut site = Site::start_as(with_keys, prompt()).await;
     site.key = Some(site.key_of("lab", &Scope::OF_A_TENANT).await);
     let ray_set = site.ray_set().await;

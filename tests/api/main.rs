@@ -26,6 +26,8 @@ mod resume;
 mod sessions;
 /// How those end.
 mod endings;
+/// Files that come in several uploads at once.
+mod concatenation;
 /// What comes packed.
 mod packed;
 /// Keys, tenants, quotas and rates.
@@ -36,6 +38,10 @@ mod connections;
 mod upkeep;
 /// Every way to ask wrongly.
 mod requests;
+/// Fields that are null.
+mod nulls;
+/// Headers that change what a request means.
+mod headers;
 /// What an upload answers of its rays.
 mod inspections;
 /// Spectra, and what is said of channels.

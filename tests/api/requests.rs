@@ -137,7 +137,7 @@ async fn a_body_that_is_not_json_is_said_to_be_none() {
     };
     let problem = |status: u16, code: &str| (status, code.to_owned());
     let json = [("content-type", "application/json")];
-    for broken in ["", "{", "{]", "[1,", "nul", "{} {}", "{\"channels\": []} x", "\u{feff}{}"] {
+    for broken in ["", "{", "{]", "[1,", "nul", "{} {}", "{\"channels\": []} x", "{}\u{feff}"] {
         assert_eq!(post(&json, broken).await, problem(400, "request.malformed_json"), "{broken:?}");
     }
     assert_eq!(post(&[], "{}").await, problem(415, "request.media_type"));

@@ -22,7 +22,7 @@ use ledger::{Ledger, ended, ray_file, ray_file_of};
 use node::{LEASE_S, Node, World, get, until};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use resume::Resumed;
+use resume::{Joined, Resumed};
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, RwLock};
@@ -66,6 +66,14 @@ impl Followed<'_> {
         id
     }
 
+    /// Sends a file as partial uploads; the ray set it becomes.
+    fn join(&mut self, ledger: &mut Ledger, bytes: &[u8]) -> String {
+        let mut upload = Joined::new(bytes, 3);
+        let id = self.insist("an upload of partial ones", |address| upload.step(address));
+        ledger.resumed(&id, bytes);
+        id
+    }
+
     /// What a client does until it is told that it succeeded.
     fn insist<T>(&mut self, what: &str, mut ask: impl FnMut(&str) -> Option<T>) -> T {
         until(what, || ask(self.address()))
@@ -83,6 +91,8 @@ fn a_death_at_any_point_loses_nothing_and_publishes_once() {
         // Some points are passed only by uploads in pieces.
         let ray_set = if point.starts_with("append.") || point.starts_with("take.") {
             followed.resume(&mut ledger, bytes, 20_000)
+        } else if point.starts_with("join.") {
+            followed.join(&mut ledger, &bytes)
         } else {
             followed.insist("an upload", |address| ledger.upload(address, &bytes))
         };

@@ -1,4 +1,5 @@
-//! A tus client that insists: it sends a file in pieces, to whichever node answers, and goes on where the upload is.
+//! Tus clients that insist: they send a file in pieces, one after the other or as partial uploads, to whichever node answers, and
+//! go on where an upload is.
 
 use crate::http::ask;
 use crate::ledger::told_to_come_back;
@@ -8,6 +9,8 @@ const VERSION: (&str, &str) = ("Tus-Resumable", "1.0.0");
 /// One upload, as its client sees it.
 pub struct Resumed {
     bytes: Vec<u8>,
+    /// It is a piece of a file.
+    is_partial: bool,
     /// Bytes in a piece.
     size: usize,
     /// Where it is, once it has begun.
@@ -20,7 +23,11 @@ pub struct Resumed {
 
 impl Resumed {
     pub fn new(bytes: Vec<u8>, size: usize) -> Resumed {
-        Resumed { bytes, size, at: None, acknowledged: 0, next: Some(0) }
+        Resumed { bytes, is_partial: false, size, at: None, acknowledged: 0, next: Some(0) }
+    }
+
+    fn is_sent(&self) -> bool {
+        self.at.is_some() && self.next == Some(self.bytes.len())
     }
 
     pub fn bytes(&self) -> &[u8] {
@@ -43,9 +50,9 @@ impl Resumed {
 
     fn begin(&mut self, address: &str) {
         let length = self.bytes.len().to_string();
-        let Ok(answer) = ask(address, "POST", "/v1/uploads", &[VERSION, ("Upload-Length", &length)], b"") else {
-            return;
-        };
+        let mut headers = vec![VERSION, ("Upload-Length", length.as_str())];
+        headers.extend(self.is_partial.then_some(("Upload-Concat", "partial")));
+        let Ok(answer) = ask(address, "POST", "/v1/uploads", &headers, b"") else { return };
         assert!(answer.status == 201 || told_to_come_back(&answer), "{answer:?}");
         self.at = answer.header("location").map(str::to_owned);
     }
@@ -74,6 +81,45 @@ impl Resumed {
             // An earlier request of ours may have come further than we heard.
             assert!(answer.status == 409 || told_to_come_back(&answer), "{answer:?}");
         }
+    }
+}
+
+/// A file that is sent as partial uploads.
+pub struct Joined {
+    pieces: Vec<Resumed>,
+    /// Where the upload is that they are, once it has begun.
+    whole: Option<String>,
+}
+
+impl Joined {
+    /// `bytes` in so many pieces.
+    pub fn new(bytes: &[u8], pieces: usize) -> Joined {
+        let size = bytes.len().div_ceil(pieces);
+        let piece = |bytes: &[u8]| Resumed { is_partial: true, ..Resumed::new(bytes.to_vec(), size.div_ceil(2)) };
+        Joined { pieces: bytes.chunks(size).map(piece).collect(), whole: None }
+    }
+
+    /// One request; the ray set, when the upload of all pieces has become one.
+    pub fn step(&mut self, address: &str) -> Option<String> {
+        if let Some(whole) = &self.whole {
+            return became(address, whole);
+        }
+        match self.pieces.iter_mut().find(|piece| !piece.is_sent()) {
+            Some(piece) => assert_eq!(piece.step(address), None),
+            None => self.join(address),
+        }
+        None
+    }
+
+    /// Asks for the upload that all pieces are, as often as it takes: who lost the answer is told the same again.
+    fn join(&mut self, address: &str) {
+        let list: Vec<&str> = self.pieces.iter().filter_map(|piece| piece.at.as_deref()).collect();
+        let concat = format!("final;{}", list.join(" "));
+        let Ok(answer) = ask(address, "POST", "/v1/uploads", &[VERSION, ("Upload-Concat", &concat)], b"") else {
+            return;
+        };
+        assert!(answer.status == 201 || told_to_come_back(&answer), "{answer:?}");
+        self.whole = answer.header("location").map(str::to_owned);
     }
 }
 

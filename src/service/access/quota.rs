@@ -88,7 +88,7 @@ const USAGE: &str = "SELECT \
     CAST(COALESCE((SELECT SUM(artifacts.byte_count) FROM artifacts JOIN jobs ON jobs.id = artifacts.job_id \
                    WHERE jobs.tenant = $1), 0) AS BIGINT) AS artifact_bytes, \
     CAST(COALESCE((SELECT SUM(COALESCE(byte_count, offset_bytes)) FROM uploads \
-                   WHERE tenant = $1 AND state IN ('receiving', 'finishing')), 0) AS BIGINT) AS upload_bytes, \
+                   WHERE tenant = $1 AND state IN ('receiving', 'finishing', 'complete')), 0) AS BIGINT) AS upload_bytes, \
     (SELECT COUNT(*) FROM jobs WHERE tenant = $1 AND state = 'queued') AS queued_jobs, \
     (SELECT COUNT(*) FROM jobs WHERE tenant = $1 AND state = 'running') AS running_jobs";
 

@@ -4,6 +4,7 @@ use super::super::access::keys::Refusal;
 use super::super::access::{Access, Scope};
 use super::Api;
 use super::contract::can_fail;
+use super::headers::honoured;
 use super::problem::Problem;
 use axum::extract::{FromRequestParts, Request};
 use axum::http::request::Parts;
@@ -45,7 +46,7 @@ pub fn needs_only(scope: Scope, routes: UtoipaMethodRouter<Api>) -> UtoipaMethod
 }
 
 fn guarded(scopes: Vec<Scope>, counted: Counted, routes: UtoipaMethodRouter<Api>) -> UtoipaMethodRouter<Api> {
-    let (schemas, mut paths, handlers) = routes;
+    let (schemas, mut paths, handlers) = honoured(routes);
     for operation in operations(&mut paths) {
         document(operation, &scopes, counted);
     }

@@ -8,11 +8,15 @@ use axum::http::request::Parts;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
+use std::collections::BTreeMap;
 
 /// Largest JSON body, bytes.
 const MAX_JSON_BYTES: usize = 64 << 10;
+/// The mark that some programs put before UTF-8 text; RFC 8259, section 8.1, lets a reader ignore it.
+const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
 
-/// A JSON body.
+/// A JSON body. A field that is null counts as left out: it takes its default, or is missing where it must be given. A null in a
+/// list is a value of the wrong type.
 pub struct Body<T>(pub T);
 
 impl<T: DeserializeOwned + Serialize, S: Send + Sync> FromRequest<S> for Body<T> {
@@ -28,19 +32,75 @@ impl<T: DeserializeOwned + Serialize, S: Send + Sync> FromRequest<S> for Body<T>
             ));
         }
         let bytes = bytes_up_to(request.into_body(), MAX_JSON_BYTES).await?;
-        let mut json: Value =
-            serde_json::from_slice(&bytes).map_err(|error| Problem::malformed_json(format!("{error}.")))?;
-        if let Some(path) = unwritable(&mut json, String::new()) {
-            return Err(Problem::null_character(&path));
+        read(bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&bytes)).map(Body)
+    }
+}
+
+/// Reads a JSON text as [`Body`] says.
+fn read<T: DeserializeOwned + Serialize>(text: &[u8]) -> Result<T, Problem> {
+    let mut json: Value = serde_json::from_slice(text).map_err(|error| Problem::malformed_json(format!("{error}.")))?;
+    if let Some(path) = unwritable(&mut json, String::new()) {
+        return Err(Problem::null_character(&path));
+    }
+    let mut nulls = Nulls::new();
+    drop_nulls(&mut json, "", "", &mut nulls);
+    let value: T = of_shape(&json)?;
+    unknown_null::<T>(&json, &nulls)?;
+    let meant = serde_json::to_value(&value).unwrap_or_default();
+    match list_for_object(&json, &meant, String::new()) {
+        Some(path) => Err(Problem::wrong_shape(&path, "invalid type: sequence, expected an object")),
+        None => Ok(value),
+    }
+}
+
+fn of_shape<T: DeserializeOwned>(json: &Value) -> Result<T, Problem> {
+    serde_path_to_error::deserialize(json)
+        .map_err(|error| Problem::wrong_shape(&error.path().to_string(), &error.inner().to_string()))
+}
+
+/// Fields that were null: one address (a JSON pointer to its object, and its name) for each place in the shape, all entries of
+/// a list being one place.
+type Nulls = BTreeMap<String, (String, String)>;
+
+/// Removes the fields that are null from every object; a null in a list stays. `pointer` leads to `value`, `place` is the same
+/// without the numbers of entries.
+fn drop_nulls(value: &mut Value, pointer: &str, place: &str, nulls: &mut Nulls) {
+    match value {
+        Value::Object(fields) => {
+            fields.retain(|name, field| {
+                if field.is_null() {
+                    nulls.insert(format!("{place}/{name}"), (pointer.to_owned(), name.clone()));
+                }
+                !field.is_null()
+            });
+            for (name, field) in fields {
+                let step = name.replace('~', "~0").replace('/', "~1");
+                drop_nulls(field, &format!("{pointer}/{step}"), &format!("{place}/{name}"), nulls);
+            }
         }
-        let value: T = serde_path_to_error::deserialize(&json)
-            .map_err(|error| Problem::wrong_shape(&error.path().to_string(), &error.inner().to_string()))?;
-        let meant = serde_json::to_value(&value).unwrap_or_default();
-        match list_for_object(&json, &meant, String::new()) {
-            Some(path) => Err(Problem::wrong_shape(&path, "invalid type: sequence, expected an object")),
-            None => Ok(Body(value)),
+        Value::Array(items) => {
+            for (index, item) in items.iter_mut().enumerate() {
+                drop_nulls(item, &format!("{pointer}/{index}"), &format!("{place}/"), nulls);
+            }
+        }
+        _ => {}
+    }
+}
+
+/// Refuses a field that was null and that nobody knows: a misspelt name is a mistake whatever its value. Each place is put back
+/// alone and read once more, so that a body costs as many readings as its shape has optional fields, not as it has nulls.
+fn unknown_null<T: DeserializeOwned>(json: &Value, nulls: &Nulls) -> Result<(), Problem> {
+    for (pointer, name) in nulls.values() {
+        let mut with_one = json.clone();
+        if let Some(Value::Object(fields)) = with_one.pointer_mut(pointer) {
+            fields.insert(name.clone(), Value::Null);
+        }
+        let unknown = of_shape::<T>(&with_one).err().filter(|problem| problem.code == "request.unknown_field");
+        if let Some(problem) = unknown {
+            return Err(problem);
         }
     }
+    Ok(())
 }
 
 /// Writes 16.0 as 16: to JSON they are one number, to serde they are not. The path of a text that PostgreSQL could not keep, if any.
@@ -187,4 +247,23 @@ pub fn cut<T>(mut entries: Vec<T>, limit: usize, id: impl Fn(&T) -> &str) -> (Ve
     entries.truncate(limit);
     let next = entries.last().filter(|_| more).map(|last| id(last).to_owned());
     (entries, next)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::service::jobs::channels::NewJob;
+    use serde_json::json;
+
+    #[test]
+    fn a_thousand_nulls_cost_as_many_readings_as_there_are_fields() {
+        let channel = json!({"ray_set": "x", "name": null, "flux": null, "spectrum": null});
+        let body = json!({"channels": vec![channel; 900], "total": null, "options": {"hull": null}});
+        let mut json = body.clone();
+        let mut nulls = Nulls::new();
+        drop_nulls(&mut json, "", "", &mut nulls);
+        let places: Vec<&str> = nulls.keys().map(String::as_str).collect();
+        assert_eq!(places, ["/channels//flux", "/channels//name", "/channels//spectrum", "/options/hull", "/total"]);
+        assert!(read::<NewJob>(body.to_string().as_bytes()).is_ok());
+    }
 }

@@ -4,6 +4,8 @@
 pub mod extract;
 /// Keys and scopes before a route.
 pub mod access;
+/// Headers that change what a request means.
+pub mod headers;
 /// How much is let in at once.
 pub mod admission;
 /// Errors as clients see them.
@@ -208,8 +210,8 @@ fn routes() -> OpenApiRouter<Api> {
 /// For whoever watches over the service; every process has these.
 fn watch() -> OpenApiRouter<Api> {
     OpenApiRouter::new()
-        .routes(routes!(health::live))
-        .routes(routes!(health::ready))
+        .routes(headers::honoured(routes!(health::live)))
+        .routes(headers::honoured(routes!(health::ready)))
         .routes(needs_only(Scope::MetricsRead, routes!(metrics::text)))
 }
 

@@ -3,7 +3,6 @@
 use super::super::access::Access;
 use super::super::jobs::channels::FileDeclaration;
 use super::super::storage::inspections::{self, Drawing};
-use super::super::storage::ray_set_folder;
 use super::super::storage::ray_sets::{self, Deletion};
 use super::super::upload::{self, Announcement, LeftOut};
 use super::Api;
@@ -362,8 +361,8 @@ pub async fn delete(State(api): State<Api>, access: Access, Path(id): Path<Strin
     match ray_sets::delete(&api.storage.records, &access.tenant, &id).await? {
         Deletion::Missing => Err(Problem::no_ray_set(&id)),
         Deletion::Needed => Err(Problem::ray_set_needed(&id)),
-        Deletion::Deleted => {
-            api.storage.blobs.delete_all(&ray_set_folder(&id)).await?;
+        Deletion::Deleted(folders) => {
+            api.storage.blobs.delete_folders(&folders).await?;
             Ok(StatusCode::NO_CONTENT)
         }
     }
@@ -372,18 +371,13 @@ pub async fn delete(State(api): State<Api>, access: Access, Path(id): Path<Strin
 /// What the headers and the query say of the file to come; `nameless` is what it is called where they say nothing.
 ///
 /// # Errors
-/// A form, an encoded body, a header or a name that cannot be meant.
+/// A form, a header or a name that cannot be meant.
 pub fn announcement(name: Option<String>, headers: &HeaderMap, nameless: &str) -> Result<Announcement, Problem> {
     let text = |name: HeaderName| headers.get(&name).and_then(|value| value.to_str().ok());
     let media_type = text(header::CONTENT_TYPE).unwrap_or_default().to_ascii_lowercase();
     if media_type.starts_with("multipart/") || media_type.starts_with("application/x-www-form-urlencoded") {
         let remedy = "Send the file itself as the body, e.g. curl --data-binary @file -H 'Content-Type: application/octet-stream'.";
         return Err(Problem::media_type(format!("The body is {media_type:?}."), remedy));
-    }
-    if let Some(encoding) = text(header::CONTENT_ENCODING).filter(|encoding| *encoding != "identity") {
-        let found = format!("The body is encoded as {encoding:?}.");
-        // An encoding is the connection's, a packed file is the user's: its name and digest are those of the file.
-        return Err(Problem::media_type(found, "Send the file as it is, without Content-Encoding; it may be packed."));
     }
     let byte_count = match text(header::CONTENT_LENGTH).map(str::parse) {
         Some(Err(_)) => return Err(Problem::malformed_header("Content-Length", "It is not a number.")),

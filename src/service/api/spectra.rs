@@ -208,6 +208,6 @@ pub async fn delete(State(api): State<Api>, access: Access, Path(id): Path<Strin
     match spectra::delete(&api.storage.records, &access.tenant, &id).await? {
         Deletion::Missing => Err(Problem::no_spectrum(&id)),
         Deletion::Needed => Err(Problem::spectrum_needed(&id)),
-        Deletion::Deleted => Ok(StatusCode::NO_CONTENT),
+        Deletion::Deleted(_) => Ok(StatusCode::NO_CONTENT),
     }
 }

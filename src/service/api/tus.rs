@@ -1,5 +1,6 @@
 //! tus 1.0.0 (tus.io/protocols/resumable-upload): its headers, read and written, and what holds for every request and answer.
 
+use super::super::storage::uploads::{Concat, PARTIAL};
 use super::super::upload::checksum::{ALGORITHMS, Checksum};
 use super::Api;
 use super::problem::Problem;
@@ -19,7 +20,10 @@ pub const PATH: &str = "/v1/uploads";
 pub const MEDIA_TYPE: &str = "application/offset+octet-stream";
 
 const VERSION: &str = "1.0.0";
-const EXTENSIONS: &str = "creation,creation-with-upload,creation-defer-length,termination,checksum,expiration";
+const EXTENSIONS: &str =
+    "creation,creation-with-upload,creation-defer-length,termination,checksum,expiration,concatenation";
+/// Most partial uploads that a final one is made of; a piece named several times counts as often.
+const MAX_PARTIALS: usize = 100;
 
 /// Which version a request or an answer speaks.
 pub const RESUMABLE: HeaderName = HeaderName::from_static("tus-resumable");
@@ -33,16 +37,30 @@ pub const DEFER_LENGTH: HeaderName = HeaderName::from_static("upload-defer-lengt
 pub const METADATA: HeaderName = HeaderName::from_static("upload-metadata");
 /// When the upload is forgotten.
 pub const EXPIRES: HeaderName = HeaderName::from_static("upload-expires");
+/// Whether the upload is a piece of a file, or made of pieces.
+pub const CONCAT: HeaderName = HeaderName::from_static("upload-concat");
 const METHOD_OVERRIDE: HeaderName = HeaderName::from_static("x-http-method-override");
-const CHECKSUM: HeaderName = HeaderName::from_static("upload-checksum");
+/// What the bytes of a request are, by a digest.
+pub const CHECKSUM: HeaderName = HeaderName::from_static("upload-checksum");
 const VERSIONS: HeaderName = HeaderName::from_static("tus-version");
 const EXTENSION: HeaderName = HeaderName::from_static("tus-extension");
 const MAX_SIZE: HeaderName = HeaderName::from_static("tus-max-size");
 const CHECKSUM_ALGORITHM: HeaderName = HeaderName::from_static("tus-checksum-algorithm");
 
 /// What pages of other origins may see of an answer.
-pub const SEEN: [HeaderName; 10] =
-    [RESUMABLE, OFFSET, LENGTH, DEFER_LENGTH, METADATA, EXPIRES, VERSIONS, EXTENSION, MAX_SIZE, CHECKSUM_ALGORITHM];
+pub const SEEN: [HeaderName; 11] = [
+    RESUMABLE,
+    OFFSET,
+    LENGTH,
+    DEFER_LENGTH,
+    METADATA,
+    EXPIRES,
+    CONCAT,
+    VERSIONS,
+    EXTENSION,
+    MAX_SIZE,
+    CHECKSUM_ALGORITHM,
+];
 
 /// A request with the method that it means, as tus has it for clients that cannot say PATCH or DELETE. Before its route is
 /// chosen.
@@ -55,7 +73,8 @@ pub async fn meant(mut request: Request) -> Request {
     request
 }
 
-fn is_ours(path: &str) -> bool {
+/// Whether a path is one of those that speak it.
+pub fn is_ours(path: &str) -> bool {
     path == PATH || path.strip_prefix(PATH).is_some_and(|rest| rest.starts_with('/'))
 }
 
@@ -163,6 +182,48 @@ pub fn length(headers: &HeaderMap) -> Result<Option<u64>, Problem> {
     }
 }
 
+/// Whether an upload is to be a piece of a file, or made of pieces.
+///
+/// # Errors
+/// `request.malformed_header`, `request.out_of_range`: too many pieces.
+pub fn concat(headers: &HeaderMap) -> Result<Concat, Problem> {
+    let Some(sent) = text(headers, &CONCAT) else { return Ok(Concat::Whole) };
+    if sent == PARTIAL {
+        return Ok(Concat::Partial);
+    }
+    let wrong = |detail: &str| Problem::malformed_header(CONCAT.as_str(), detail);
+    let list = sent.strip_prefix("final;").ok_or_else(|| {
+        wrong(
+            "It is neither partial nor final, a semicolon and the addresses of partial uploads, a space between them.",
+        )
+    })?;
+    let partials: Option<Vec<String>> = list.split(' ').filter(|url| !url.is_empty()).map(upload_id).collect();
+    match partials {
+        None => {
+            Err(wrong("It names something else than uploads: each address ends in /v1/uploads/ and an identifier."))
+        }
+        Some(none) if none.is_empty() => Err(wrong("It names no partial upload.")),
+        Some(many) if many.len() > MAX_PARTIALS => {
+            Err(Problem::out_of_range(CONCAT.as_str(), &format!("final; and at most {MAX_PARTIALS} partial uploads")))
+        }
+        Some(partials) => Ok(Concat::Final { sent: sent.to_owned(), partials }),
+    }
+}
+
+/// The upload at an address, absolute or relative. What stands before our own path is the name and the path by which a proxy is
+/// reached, which is not known here: the identifier says all, and only the sender's own uploads are looked for.
+fn upload_id(url: &str) -> Option<String> {
+    let path = match url.split_once("://") {
+        Some((_, rest)) => rest.split_once('/')?.1,
+        None => url.strip_prefix('/')?,
+    };
+    let (before, id) = path.trim_end_matches('/').rsplit_once('/')?;
+    let is_ours =
+        before.strip_suffix(PATH.trim_start_matches('/')).is_some_and(|rest| rest.is_empty() || rest.ends_with('/'));
+    let is_id = !id.is_empty() && id.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-');
+    (is_ours && is_id).then(|| id.to_owned())
+}
+
 /// What is said of the bytes of a request.
 ///
 /// # Errors
@@ -251,6 +312,44 @@ mod tests {
             let problem = metadata(&headers(&[("upload-metadata", wrong)])).err().unwrap();
             assert_eq!(problem.code, code, "{wrong}");
         }
+    }
+
+    #[test]
+    fn a_final_upload_names_its_pieces_in_order_by_absolute_and_relative_addresses() {
+        let read = |value: &str| concat(&headers(&[("upload-concat", value)]));
+        assert_eq!(concat(&HeaderMap::new()).unwrap(), Concat::Whole);
+        assert_eq!(read("partial").unwrap(), Concat::Partial);
+        // The example of the protocol's chapter, at our path; and as they look to whoever is in front of a proxy.
+        for sent in [
+            "final;/v1/uploads/b /v1/uploads/a /v1/uploads/b",
+            "final;https://tus.example.org/v1/uploads/b http://[::1]:80/v1/uploads/a /rays/v1/uploads/b/",
+            "final; /v1/uploads/b  /v1/uploads/a /v1/uploads/b ",
+        ] {
+            let partials = ["b", "a", "b"].map(str::to_owned).to_vec();
+            assert_eq!(read(sent).unwrap(), Concat::Final { sent: sent.to_owned(), partials });
+        }
+        for wrong in [
+            "",
+            "Partial",
+            "final",
+            "final;",
+            "final; ",
+            "partial;/v1/uploads/a",
+            "final;/v1/uploads/",
+            "final;/v1/uploads",
+            "final;a",
+            "final;v1/uploads/a",
+            "final;/v1/jobs/a",
+            "final;/xv1/uploads/a",
+            "final;/v1/uploads/a?b=c",
+            "final;/v1/uploads/%61",
+            "final;https://tus.example.org",
+        ] {
+            assert_eq!(read(wrong).unwrap_err().code, "request.malformed_header", "{wrong}");
+        }
+        let many = |count: usize| format!("final;{}", vec!["/v1/uploads/a"; count].join(" "));
+        assert_eq!(read(&many(100)).unwrap().partials().len(), 100);
+        assert_eq!(read(&many(101)).unwrap_err().code, "request.out_of_range");
     }
 
     #[test]

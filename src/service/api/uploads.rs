@@ -2,7 +2,8 @@
 
 use super::super::access::Access;
 use super::super::jobs::channels::FileDeclaration;
-use super::super::storage::uploads::{self, State as UploadState};
+use super::super::storage::uploads::{self, Concat, State as UploadState};
+use super::super::upload::checksum::Checksum;
 use super::super::upload::finish::Became;
 use super::super::upload::resume::{Error, Piece, refusal};
 use super::super::upload::{Announcement, LeftOut};
@@ -25,7 +26,8 @@ pub struct Upload {
     /// Its identifier.
     #[schema(format = Uuid)]
     id: String,
-    /// Where it is: `receiving` bytes, `finishing` (all are there and are being read), `taken` or `refused`.
+    /// Where it is: `receiving` bytes, `finishing` (all are there and are being read), `taken` or `refused`; of a partial upload
+    /// also `complete` (all bytes are there, no final upload has them yet) or `joined` (they are those of `part_of`).
     #[schema(example = "receiving")]
     state: &'static str,
     /// How much of it is there, bytes.
@@ -44,6 +46,12 @@ pub struct Upload {
     /// Why it was `refused`; null otherwise.
     #[schema(required)]
     problem: Option<Problem>,
+    /// `partial`, or `final;` and the addresses of partial uploads, as `Upload-Concat` said; null where it said nothing.
+    #[schema(required)]
+    concat: Option<String>,
+    /// The final upload that a `joined` one is a piece of; null otherwise.
+    #[schema(required, format = Uuid)]
+    part_of: Option<String>,
     /// When it began, epoch ms.
     created_ms: i64,
     /// When it is forgotten, epoch ms, unless something comes. Ray sets that it has become stay.
@@ -91,6 +99,8 @@ impl From<uploads::Upload> for Upload {
             ray_sets,
             left_out,
             problem,
+            concat: row.concat.sent().map(str::to_owned),
+            part_of: row.part_of,
             created_ms: row.created_ms,
             expires_ms: row.expires_ms,
             id: row.id,
@@ -108,6 +118,11 @@ fn address(id: &str) -> String {
 /// tus 1.0.0 with the extensions that OPTIONS names; any tus client will do. `Upload-Metadata` may have `filename` (or `name`),
 /// `length_unit`, `quantity`, `columns` (as in the query of a plain upload) and `sha256` (hex, of the whole). The first bytes may
 /// come along as the body.
+///
+/// A file may come in pieces, several at once: each is an upload with `Upload-Concat: partial`, and when all bytes are there
+/// `Upload-Concat: final;` with their addresses, in order and with spaces between (at most 100), makes one upload of them, which has
+/// the metadata of that request. It is answered when the file is read, as the last byte of any other upload is. A partial upload is
+/// used once; sent again, the same request is answered with the same upload.
 #[utoipa::path(
     post, path = "/v1/uploads", tag = "uploads", operation_id = "create_upload",
     params(
@@ -116,13 +131,16 @@ fn address(id: &str) -> String {
         ("Upload-Defer-Length" = Option<String>, Header, description = "`1`: the length is said later"),
         ("Upload-Metadata" = Option<String>, Header, description = "`key base64,key base64,..`"),
         ("Upload-Checksum" = Option<String>, Header, description = "`sha1 <base64>` or `sha256 <base64>` of the body"),
+        ("Upload-Concat" = Option<String>, Header, description = "`partial`, or `final;` and the addresses of partial uploads"),
         ("Repr-Digest" = Option<String>, Header, description = "`sha-256=:<base64>:` (RFC 9530) of the whole: verified at its end"),
     ),
     request_body(content = inline(Option<super::Binary>), content_type = "application/offset+octet-stream", description = "the first bytes, or nothing"),
     responses(
-        (status = 201, description = "begun", headers(("Location" = String, description = "the upload"), ("Upload-Offset" = u64, description = "how much of it is there, bytes"), ("Upload-Expires" = String, description = "when it is forgotten, unless something comes"))),
+        (status = 201, description = "begun", headers(("Location" = String, description = "the upload"), ("Upload-Offset" = u64, description = "how much of it is there, bytes; not for a final upload that is still being read"), ("Upload-Concat" = String, description = "as it was sent"), ("Upload-Expires" = String, description = "when it is forgotten, unless something comes"))),
         (status = 400, body = Problem, content_type = "application/problem+json", description = "malformed file or header; no bytes"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such partial upload"),
         (status = 408, body = Problem, content_type = "application/problem+json", description = "the body fell silent"),
+        (status = 409, body = Problem, content_type = "application/problem+json", description = "a partial upload is not complete, or is a piece of another"),
         (status = 412, body = Problem, content_type = "application/problem+json", description = "another version of tus"),
         (status = 413, body = Problem, content_type = "application/problem+json", description = "larger than this service takes, or than there is quota for"),
         (status = 415, body = Problem, content_type = "application/problem+json", description = "a body of another type"),
@@ -146,19 +164,72 @@ pub async fn create(
     headers.remove("content-digest");
     let metadata = tus::metadata(&headers)?;
     let declared = metadata.sending.declaration()?;
-    let body_headers = announcement(metadata.sending.name, &headers, "rays")?;
-    let whole = Announcement { declared, byte_count: tus::length(&headers)?, ..body_headers.clone() };
-    let whole = Announcement { sha256: whole.sha256.into_iter().chain(metadata.sha256).collect(), ..whole };
-    let piece = first_piece(&headers, body_headers.byte_count)?;
-    let sent = metadata.sent;
-    let upload = match piece {
-        Some(piece) => create_with(api, access, (sent, whole), piece, body).await?,
-        None => api.uploads.create(&access.tenant, sent, whole).await?,
+    let announced = announcement(metadata.sending.name, &headers, "rays")?;
+    let sha256 = announced.sha256.iter().cloned().chain(metadata.sha256).collect();
+    let body_bytes = announced.byte_count;
+    let whole = Announcement { declared, sha256, ..announced };
+    let new = Creating { concat: tus::concat(&headers)?, metadata: metadata.sent, whole };
+    let upload = match &new.concat {
+        Concat::Final { .. } => join(api, access, new, (&headers, body_bytes)).await?,
+        Concat::Whole | Concat::Partial => begin(api, access, new, (&headers, body_bytes), body).await?,
     };
     let mut response = StatusCode::CREATED.into_response();
     tus::tell(response.headers_mut(), header::LOCATION, &address(&upload.id));
     tell_progress(response.headers_mut(), &upload);
     Ok(response)
+}
+
+/// An upload that is asked for.
+struct Creating {
+    concat: Concat,
+    /// `Upload-Metadata`, as it was sent.
+    metadata: String,
+    whole: Announcement,
+}
+
+/// Begins an upload whose bytes are to come.
+async fn begin(
+    api: Api,
+    access: Access,
+    mut new: Creating,
+    (headers, body_bytes): (&HeaderMap, Option<u64>),
+    body: Body,
+) -> Result<uploads::Upload, Problem> {
+    new.whole.byte_count = tus::length(headers)?;
+    match first_piece(headers, body_bytes)? {
+        Some(piece) => create_with(api, access, new, piece, body).await,
+        None => {
+            let is_partial = new.concat == Concat::Partial;
+            Ok(api.uploads.create(&access.tenant, new.metadata, new.whole, is_partial).await?)
+        }
+    }
+}
+
+/// Makes an upload of partial ones. In a task of its own: it ends whether or not the client waits.
+async fn join(
+    api: Api,
+    access: Access,
+    new: Creating,
+    (headers, body_bytes): (&HeaderMap, Option<u64>),
+) -> Result<uploads::Upload, Problem> {
+    for name in [tus::LENGTH, tus::DEFER_LENGTH, tus::CHECKSUM] {
+        if headers.contains_key(&name) {
+            return Err(Problem::malformed_header(
+                name.as_str(),
+                "A final upload has the bytes of its partial uploads.",
+            ));
+        }
+    }
+    if is_ours(headers) || body_bytes.unwrap_or(0) > 0 {
+        let detail = "A final upload has no body: its bytes are those of its partial uploads.";
+        return Err(Problem::malformed_header(tus::CONCAT.as_str(), detail));
+    }
+    let Creating { concat, metadata, whole } = new;
+    to_its_end(async move {
+        let sent = concat.sent().unwrap_or_default();
+        api.uploads.join(&access.tenant, metadata, whole, sent, concat.partials()).await
+    })
+    .await
 }
 
 /// The bytes that come with the beginning, if any do.
@@ -169,7 +240,12 @@ fn first_piece(headers: &HeaderMap, byte_count: Option<u64>) -> Result<Option<Pi
         return Err(wrong_type());
     }
     let piece = Piece { byte_count, checksum: tus::checksum(headers)?, ..Piece::default() };
-    Ok((is_ours && byte_count != Some(0)).then_some(piece))
+    let has_bytes = is_ours && byte_count != Some(0);
+    // That of a body that is not there is checked all the same.
+    match has_bytes || piece.checksum.clone().is_none_or(Checksum::holds) {
+        true => Ok(has_bytes.then_some(piece)),
+        false => Err(Error::Checksum.into()),
+    }
 }
 
 /// Begins an upload with its first bytes; where they fail nothing is begun, since its sender would not know of it. What was
@@ -177,13 +253,14 @@ fn first_piece(headers: &HeaderMap, byte_count: Option<u64>) -> Result<Option<Pi
 async fn create_with(
     api: Api,
     access: Access,
-    (sent, whole): (String, Announcement),
+    new: Creating,
     piece: Piece,
     body: Body,
 ) -> Result<uploads::Upload, Problem> {
     to_its_end(async move {
         let Access { tenant, .. } = &access;
-        let upload = api.uploads.create(tenant, sent, whole).await?;
+        let Creating { concat, metadata, whole } = new;
+        let upload = api.uploads.create(tenant, metadata, whole, concat == Concat::Partial).await?;
         let appended = api.uploads.append(tenant, &upload.id, piece, body.into_data_stream()).await;
         if appended.is_err() {
             api.uploads.abandon(tenant, &upload.id).await;
@@ -211,6 +288,7 @@ async fn create_with(
     responses(
         (status = 204, description = "added", headers(("Upload-Offset" = u64, description = "how much of it is there now, bytes"), ("Upload-Expires" = String, description = "when it is forgotten, unless something comes"))),
         (status = 400, body = Problem, content_type = "application/problem+json", description = "malformed file or header; truncated body; wrong digest"),
+        (status = 403, body = Problem, content_type = "application/problem+json", description = "it is a final upload, or the key has not the scope for this"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
         (status = 408, body = Problem, content_type = "application/problem+json", description = "the body fell silent"),
         (status = 409, body = Problem, content_type = "application/problem+json", description = "it goes on elsewhere, or is complete"),
@@ -244,11 +322,27 @@ pub async fn append(
         whole: tus::bytes(&headers, &tus::LENGTH)?,
         checksum: tus::checksum(&headers)?,
     };
-    let appended = async move { api.uploads.append(&access.tenant, &id, piece, body.into_data_stream()).await };
-    let upload = to_its_end(appended).await?;
-    let mut response = StatusCode::NO_CONTENT.into_response();
-    tell_progress(response.headers_mut(), &upload);
-    Ok(response)
+    let (uploads, tenant, upload) = (api.uploads.clone(), access.tenant.clone(), id.clone());
+    let appended = async move { uploads.append(&tenant, &upload, piece, body.into_data_stream()).await };
+    match to_its_end(appended).await {
+        Ok(upload) => {
+            let mut response = StatusCode::NO_CONTENT.into_response();
+            tell_progress(response.headers_mut(), &upload);
+            Ok(response)
+        }
+        Err(problem) => Ok(refused(&api, &access, &id, problem).await),
+    }
+}
+
+/// A refusal with the time until which the upload can be resumed: every answer to a PATCH tells it.
+async fn refused(api: &Api, access: &Access, id: &str, problem: Problem) -> Response {
+    let upload = uploads::get(&api.storage.records, &access.tenant, id).await;
+    let mut response = problem.into_response();
+    // Where there is none, or nobody knows, there is no time to tell.
+    if let Ok(Some(upload)) = upload {
+        tus::tell(response.headers_mut(), tus::EXPIRES, &tus::date(upload.expires_ms));
+    }
+    response
 }
 
 /// Takes bytes in a task of its own: when the client goes away its handler is dropped, and what came must still be stored.
@@ -273,7 +367,13 @@ fn wrong_type() -> Problem {
 }
 
 fn tell_progress(headers: &mut HeaderMap, upload: &uploads::Upload) {
-    tus::tell(headers, tus::OFFSET, &upload.offset.to_string());
+    // Until the pieces of a final upload are one file, its offset is not told.
+    if upload.concat.partials().is_empty() || upload.state == UploadState::Taken {
+        tus::tell(headers, tus::OFFSET, &upload.offset.to_string());
+    }
+    if let Some(sent) = upload.concat.sent() {
+        tus::tell(headers, tus::CONCAT, sent);
+    }
     tus::tell(headers, tus::EXPIRES, &tus::date(upload.expires_ms));
 }
 
@@ -282,7 +382,7 @@ fn tell_progress(headers: &mut HeaderMap, upload: &uploads::Upload) {
     head, path = "/v1/uploads/{id}", tag = "uploads", operation_id = "upload_offset",
     params(("id" = String, Path, description = "the upload")),
     responses(
-        (status = 200, description = "how much", headers(("Upload-Offset" = u64, description = "how much of it is there, bytes"), ("Upload-Length" = u64, description = "length of the whole, bytes, once it is said"), ("Upload-Defer-Length" = String, description = "`1` until it is"), ("Upload-Metadata" = String, description = "as it was sent"), ("Upload-Expires" = String, description = "when it is forgotten, unless something comes"))),
+        (status = 200, description = "how much", headers(("Upload-Offset" = u64, description = "how much of it is there, bytes; not for a final upload that is still being read"), ("Upload-Length" = u64, description = "length of the whole, bytes, once it is said"), ("Upload-Defer-Length" = String, description = "`1` until it is"), ("Upload-Metadata" = String, description = "as it was sent"), ("Upload-Concat" = String, description = "as it was sent"), ("Upload-Expires" = String, description = "when it is forgotten, unless something comes"))),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
         (status = 410, body = Problem, content_type = "application/problem+json", description = "it was refused: GET tells why"),
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
@@ -291,7 +391,11 @@ fn tell_progress(headers: &mut HeaderMap, upload: &uploads::Upload) {
 pub async fn offset(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<Response, Problem> {
     let upload = find(&api, &access, &id).await?;
     if upload.state == UploadState::Refused {
-        return Err(Problem::gone(&id));
+        let mut response = Problem::gone(&id).into_response();
+        if let Some(sent) = upload.concat.sent() {
+            tus::tell(response.headers_mut(), tus::CONCAT, sent);
+        }
+        return Ok(response);
     }
     let mut response = StatusCode::OK.into_response();
     let headers = response.headers_mut();

@@ -25,11 +25,11 @@ pub struct NewWebhook {
     url: String,
     /// What it hears of; everything, if nothing is said.
     #[serde(default = "all")]
-    #[schema(min_items = 1)]
+    #[schema(min_items = 1, nullable)]
     events: Vec<Event>,
     /// What a person says of it.
     #[serde(default)]
-    #[schema(max_length = 255)]
+    #[schema(max_length = 255, nullable)]
     description: String,
 }
 

@@ -19,9 +19,11 @@ pub struct NewJob {
     pub total: Option<TotalFlux>,
     /// What to choose; what is left out is chosen from the rays.
     #[serde(default)]
+    #[schema(nullable)]
     pub options: JobOptions,
     /// Before which of the tenant's other waiting jobs it comes. Tenants take turns whatever it is. Default: normal.
     #[serde(default)]
+    #[schema(nullable)]
     pub priority: Priority,
     /// Longest that an attempt may take, s. Default: the service's own, which is also the most.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -30,6 +32,7 @@ pub struct NewJob {
     /// Answer with an equal job of the tenant where there is one: same files, names, declarations, options and computation;
     /// waiting, running or succeeded. Default: true.
     #[serde(default = "yes")]
+    #[schema(nullable)]
     pub reuse: bool,
 }
 

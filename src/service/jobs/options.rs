@@ -10,14 +10,19 @@ use utoipa::ToSchema;
 #[serde(default, deny_unknown_fields)]
 pub struct JobOptions {
     /// How rays are read.
+    #[schema(nullable)]
     pub rays: RaysOptions,
     /// How emission points become a surface.
+    #[schema(nullable)]
     pub hull: HullOptions,
     /// How rays are laid on the surface.
+    #[schema(nullable)]
     pub flux: FluxOptions,
     /// How zones and their goniograms are made.
+    #[schema(nullable)]
     pub goniogram: GoniogramOptions,
     /// How results are written.
+    #[schema(nullable)]
     pub artifacts: ArtifactsOptions,
 }
 

@@ -185,6 +185,17 @@ impl Blobs {
         }
         Ok(())
     }
+
+    /// Deletes every blob in these folders.
+    ///
+    /// # Errors
+    /// The store did not answer.
+    pub async fn delete_folders(&self, folders: &[String]) -> Result<(), Error> {
+        for folder in folders {
+            self.delete_all(folder).await?;
+        }
+        Ok(())
+    }
 }
 
 /// True for `http://` to this very machine.

@@ -6,7 +6,7 @@ use super::super::crash;
 use super::Error;
 use super::ray_sets::{self, Draft};
 use super::records::{Records, Row, Statement, Transaction, ms, sql};
-use super::uploads::{State, Upload, changed, upload};
+use super::uploads::{Concat, State, Upload, changed, upload};
 use std::time::Duration;
 
 /// Uploads looked at in one go.
@@ -25,6 +25,21 @@ pub struct Claim {
     pub attempt: i64,
     /// Its time was over before this claim.
     pub is_overdue: bool,
+}
+
+/// An upload whose row is gone.
+#[derive(Clone, Debug)]
+pub struct Gone {
+    /// Its identifier.
+    pub id: String,
+    /// Where it was.
+    pub was: State,
+    /// Whether it was a file by itself.
+    pub concat: Concat,
+}
+
+fn gone(row: &Row) -> Result<Gone, Error> {
+    Ok(Gone { id: row.text("id")?, was: State::parse(&row.text("state")?)?, concat: Concat::of(row)? })
 }
 
 /// Uploads whose bytes are all there and which nobody has, the oldest first.
@@ -166,34 +181,34 @@ async fn refused(records: &Records, id: &str, refuse: Statement) -> Result<bool,
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn delete(records: &Records, tenant: &str, id: &str) -> Result<Option<State>, Error> {
-    let delete = sql("DELETE FROM uploads WHERE tenant = $1 AND id = $2 RETURNING state").bind(tenant).bind(id);
-    changed(records, delete).await?.map(|row| State::parse(&row.text("state")?)).transpose()
+pub async fn delete(records: &Records, tenant: &str, id: &str) -> Result<Option<Gone>, Error> {
+    let delete = sql("DELETE FROM uploads WHERE tenant = $1 AND id = $2 RETURNING *").bind(tenant).bind(id);
+    changed(records, delete).await?.as_ref().map(gone).transpose()
 }
 
 /// The same, unless it has become ray sets.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn abandon(records: &Records, tenant: &str, id: &str) -> Result<Option<State>, Error> {
-    let abandon = "DELETE FROM uploads WHERE tenant = $1 AND id = $2 AND state <> 'taken' RETURNING state";
+pub async fn abandon(records: &Records, tenant: &str, id: &str) -> Result<Option<Gone>, Error> {
+    let abandon = "DELETE FROM uploads WHERE tenant = $1 AND id = $2 AND state <> 'taken' RETURNING *";
     let abandon = sql(abandon).bind(tenant).bind(id);
-    changed(records, abandon).await?.map(|row| State::parse(&row.text("state")?)).transpose()
+    changed(records, abandon).await?.as_ref().map(gone).transpose()
 }
 
-/// Forgets uploads whose time is over: their ids, and what they were. Never one whose bytes are all there.
+/// Forgets uploads whose time is over. Never one whose bytes are all there.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn expire(records: &Records) -> Result<Vec<(String, State)>, Error> {
+pub async fn expire(records: &Records) -> Result<Vec<Gone>, Error> {
     // Said twice: one that is added to meanwhile is looked at again, without what was selected before.
     let expire = "DELETE FROM uploads WHERE state <> 'finishing' AND expires_ms <= {now} AND id IN \
                   (SELECT id FROM uploads WHERE state <> 'finishing' AND expires_ms <= {now} ORDER BY expires_ms \
-                  LIMIT $1) RETURNING id, state";
+                  LIMIT $1) RETURNING *";
     let mut transaction = records.begin().await?;
     let rows = transaction.read(sql(expire).bind(BATCH)).await?;
     transaction.commit().await?;
-    rows.iter().map(|row| Ok((row.text("id")?, State::parse(&row.text("state")?)?))).collect()
+    rows.iter().map(gone).collect()
 }
 
 /// Ends every lease: only right when no other process can be finishing any.

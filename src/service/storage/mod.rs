@@ -12,6 +12,8 @@ pub mod ray_sets;
 pub mod uploads;
 /// How those end.
 pub mod endings;
+/// How several become one.
+pub mod joining;
 /// Rows of what was found in their rays.
 pub mod inspections;
 /// Room on local disks.

@@ -6,7 +6,9 @@ use super::super::jobs::channels::FileDeclaration;
 use super::Error;
 use super::inspections::{self, Inspection};
 use super::parts::Part;
+use super::ray_set_folder;
 use super::records::{Records, Row, Transaction, sql};
+use std::collections::BTreeSet;
 
 /// A ray file as it was taken in.
 #[derive(Clone, Debug)]
@@ -50,10 +52,10 @@ pub struct Draft {
 }
 
 /// What came of asking to delete a ray set.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Deletion {
-    /// Its row is gone; its blobs may go.
-    Deleted,
+    /// Its row is gone; its blobs may go: all that is in these folders.
+    Deleted(Vec<String>),
     /// An unfinished job needs it.
     Needed,
     /// There is none.
@@ -202,13 +204,19 @@ pub async fn delete(records: &Records, tenant: &str, id: &str) -> Result<Deletio
     transaction
         .write(sql("UPDATE ray_sets SET name = name WHERE tenant = $1 AND id = $2").bind(tenant).bind(id))
         .await?;
+    // A ray set that came in several uploads has its blobs in their folders, each of which is its own alone.
+    let named = transaction.read(sql("SELECT blob FROM parts WHERE ray_set_id = $1").bind(id)).await?;
+    let mut folders = BTreeSet::from([ray_set_folder(id)]);
+    for row in named {
+        folders.extend(row.text("blob")?.rsplit_once('/').map(|(folder, _)| folder.to_owned()));
+    }
     let delete = "DELETE FROM ray_sets WHERE tenant = $1 AND id = $2 AND NOT EXISTS (SELECT 1 FROM job_inputs \
                   JOIN jobs ON jobs.id = job_inputs.job_id \
                   WHERE job_inputs.ray_set_id = $2 AND jobs.state IN ('queued', 'running'))";
     let deleted = transaction.write(sql(delete).bind(tenant).bind(id)).await?;
     transaction.commit().await?;
     if deleted > 0 {
-        return Ok(Deletion::Deleted);
+        return Ok(Deletion::Deleted(folders.into_iter().collect()));
     }
     Ok(if get(records, tenant, id).await?.is_some() { Deletion::Needed } else { Deletion::Missing })
 }

@@ -116,7 +116,7 @@ pub async fn delete(records: &Records, tenant: &str, id: &str) -> Result<Deletio
     let deleted = transaction.write(sql(delete).bind(tenant).bind(id)).await?;
     transaction.commit().await?;
     if deleted > 0 {
-        return Ok(Deletion::Deleted);
+        return Ok(Deletion::Deleted(Vec::new()));
     }
     Ok(if get(records, tenant, id).await?.is_some() { Deletion::Needed } else { Deletion::Missing })
 }

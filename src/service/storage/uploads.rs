@@ -11,6 +11,8 @@ use std::time::Duration;
 
 /// Unfinished uploads that a tenant may have at once.
 pub const MAX_UNFINISHED: u64 = 1000;
+/// `Upload-Concat` of a partial upload.
+pub const PARTIAL: &str = "partial";
 
 /// Where an upload is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,6 +25,56 @@ pub enum State {
     Taken,
     /// It has not; its bytes are gone, unless nobody managed to read them.
     Refused,
+    /// All bytes of a partial upload are there; it waits for the final upload that it is a piece of.
+    Complete,
+    /// Its bytes belong to a final upload.
+    Joined,
+}
+
+/// Whether an upload is a file by itself (tus' Concatenation).
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Concat {
+    /// It is.
+    #[default]
+    Whole,
+    /// It is a piece of a file, which nothing is made of by itself.
+    Partial,
+    /// It is made of pieces.
+    Final {
+        /// `Upload-Concat`, as it was sent.
+        sent: String,
+        /// The pieces' ids, in order.
+        partials: Vec<String>,
+    },
+}
+
+impl Concat {
+    /// `Upload-Concat`, as it was sent; `None` where it was not.
+    pub fn sent(&self) -> Option<&str> {
+        match self {
+            Concat::Whole => None,
+            Concat::Partial => Some(PARTIAL),
+            Concat::Final { sent, .. } => Some(sent),
+        }
+    }
+
+    /// The ids of the pieces that a final upload is made of; none of any other.
+    pub fn partials(&self) -> &[String] {
+        match self {
+            Concat::Final { partials, .. } => partials,
+            Concat::Whole | Concat::Partial => &[],
+        }
+    }
+
+    /// As an upload's row has it.
+    pub(super) fn of(row: &Row) -> Result<Concat, Error> {
+        let list = row.optional_text("partials")?.unwrap_or_else(|| "[]".to_owned());
+        Ok(match row.optional_text("concat")? {
+            None => Concat::Whole,
+            Some(sent) if sent == PARTIAL => Concat::Partial,
+            Some(sent) => Concat::Final { sent, partials: serde_json::from_str(&list).map_err(unreadable)? },
+        })
+    }
 }
 
 impl State {
@@ -33,11 +85,13 @@ impl State {
             State::Finishing => "finishing",
             State::Taken => "taken",
             State::Refused => "refused",
+            State::Complete => "complete",
+            State::Joined => "joined",
         }
     }
 
     pub(super) fn parse(name: &str) -> Result<State, Error> {
-        let all = [State::Receiving, State::Finishing, State::Taken, State::Refused];
+        let all = [State::Receiving, State::Finishing, State::Taken, State::Refused, State::Complete, State::Joined];
         let found = all.into_iter().find(|state| state.name() == name);
         found.ok_or_else(|| Error::Records(format!("an upload is {name:?}").into()))
     }
@@ -66,6 +120,10 @@ pub struct Upload {
     pub sha256_state: String,
     /// What became of it, as JSON; `None` before its end.
     pub result: Option<String>,
+    /// Whether it is a file by itself.
+    pub concat: Concat,
+    /// The final upload whose piece it has become.
+    pub part_of: Option<String>,
     /// When it began, epoch ms.
     pub created_ms: i64,
     /// When it is forgotten, epoch ms, unless something comes.
@@ -84,6 +142,8 @@ pub(super) fn upload(row: &Row) -> Result<Upload, Error> {
         offset: row.count("offset_bytes")?,
         sha256_state: row.text("sha256_state")?,
         result: row.optional_text("result")?,
+        concat: Concat::of(row)?,
+        part_of: row.optional_text("part_of")?,
         created_ms: row.number("created_ms")?,
         expires_ms: row.number("expires_ms")?,
     })
@@ -106,6 +166,8 @@ pub struct New {
     pub byte_count: Option<u64>,
     /// The state of a digest of nothing.
     pub sha256_state: String,
+    /// It is a piece of a file.
+    pub is_partial: bool,
 }
 
 /// Why an upload is not begun.
@@ -189,13 +251,14 @@ pub async fn insert(
 ) -> Result<Result<Upload, NoRoom>, Error> {
     let mut transaction = records.begin().await?;
     let insert = "INSERT INTO uploads (tenant, id, state, name, metadata, declared, announced, byte_count, offset_bytes, \
-                  sha256_state, fence, attempt, created_ms, expires_ms) \
-                  VALUES ($1, $2, 'receiving', $3, $4, $5, $6, $7, 0, $8, 0, 0, {now}, {now} + $9) RETURNING *";
+                  sha256_state, fence, attempt, created_ms, expires_ms, concat) \
+                  VALUES ($1, $2, 'receiving', $3, $4, $5, $6, $7, 0, $8, 0, 0, {now}, {now} + $9, $10) RETURNING *";
     let json = |text: serde_json::Result<String>| text.map_err(unreadable);
     let insert = sql(insert).bind(tenant).bind(new.id.as_str()).bind(new.name.as_str()).bind(new.metadata.as_str());
     let insert = insert.bind(json(serde_json::to_string(&new.declared))?);
     let insert = insert.bind(json(serde_json::to_string(&new.announced))?);
     let insert = insert.bind(new.byte_count.map(u64::cast_signed)).bind(new.sha256_state.as_str()).bind(ms(expiry));
+    let insert = insert.bind(new.is_partial.then_some(PARTIAL));
     let rows = transaction.read(insert).await?;
     if let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await? {
         return Ok(Err(NoRoom::Quota(exceeded)));
@@ -209,7 +272,8 @@ pub async fn insert(
 }
 
 async fn unfinished(transaction: &mut Transaction, tenant: &str) -> Result<u64, Error> {
-    let select = "SELECT COUNT(*) AS unfinished FROM uploads WHERE tenant = $1 AND state IN ('receiving', 'finishing')";
+    let select = "SELECT COUNT(*) AS unfinished FROM uploads WHERE tenant = $1 \
+                  AND state IN ('receiving', 'finishing', 'complete')";
     let rows = transaction.read(sql(select).bind(tenant)).await?;
     rows.first().map_or(Ok(0), |row| row.count("unfinished"))
 }
@@ -269,7 +333,8 @@ pub async fn begin(
     let mut transaction = records.begin().await?;
     // The length and the session in one: whoever adds without knowing the length adds no more.
     let begin = "UPDATE uploads SET session = $1, expires_ms = {now} + $2, byte_count = COALESCE(byte_count, $3), \
-                 state = CASE WHEN byte_count IS NULL AND offset_bytes = $3 THEN 'finishing' ELSE state END \
+                 state = CASE WHEN byte_count IS NOT NULL OR offset_bytes <> $3 OR $3 IS NULL THEN state \
+                 WHEN concat IS NULL THEN 'finishing' ELSE 'complete' END \
                  WHERE tenant = $4 AND id = $5 AND state = 'receiving' AND offset_bytes = $6 \
                  AND ($3 IS NULL OR (offset_bytes <= $3 AND COALESCE(byte_count, $3) = $3)) RETURNING *";
     let begin = sql(begin).bind(session).bind(ms(expiry)).bind(whole.map(u64::cast_signed)).bind(tenant).bind(id);
@@ -299,7 +364,8 @@ pub async fn goes_on(records: &Records, id: &str, session: &str) -> Result<bool,
 pub async fn add(records: &Records, quota: Quota, addition: &Addition<'_>) -> Result<Added, Error> {
     let mut transaction = records.begin().await?;
     let advance = "UPDATE uploads SET offset_bytes = $1, sha256_state = $2, expires_ms = {now} + $3, \
-                   state = CASE WHEN byte_count = $1 THEN 'finishing' ELSE state END \
+                   state = CASE WHEN byte_count IS NULL OR byte_count <> $1 THEN state \
+                   WHEN concat IS NULL THEN 'finishing' ELSE 'complete' END \
                    WHERE id = $4 AND session = $5 AND state = 'receiving' AND offset_bytes = $6 \
                    AND (byte_count IS NULL OR byte_count >= $1) RETURNING byte_count";
     let advance = sql(advance).bind(addition.to.cast_signed()).bind(addition.sha256_state).bind(ms(addition.expiry));

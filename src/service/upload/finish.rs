@@ -5,24 +5,26 @@
 use super::super::api::problem::Problem;
 use super::super::storage::endings::{self, Claim};
 use super::super::storage::ray_sets::Draft;
-use super::super::storage::uploads::{self, State, Upload};
+use super::super::storage::uploads::{self, Concat, State, Upload};
 use super::super::storage::{self, Storage};
 use super::extent::Extent;
 use super::resume::{Error, Uploads, refusal};
 use super::spool::PREFIX_BYTES;
 use super::{Error as FileError, LeftOut, Stored};
-use crate::pipeline;
+use crate::pipeline::{self, Bytes as _};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::pin::pin;
 use std::time::Duration;
 use tokio::sync::Notify;
-use tokio::task::{Id, JoinError, JoinSet};
+use tokio::task::{Id, JoinError, JoinSet, spawn_blocking};
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 use tokio_util::sync::CancellationToken;
 
 /// Uploads finished at once: each is read to its end.
 const AT_ONCE: usize = 4;
+/// Read at once for a digest, bytes.
+const BLOCK_BYTES: usize = 1 << 20;
 /// How long the request with the last byte waits for the end of its upload.
 const WAIT: Duration = Duration::from_secs(10);
 /// How often it looks: another process may be the one that finishes.
@@ -211,19 +213,42 @@ impl Uploads {
     async fn make(&self, claim: &Claim, gone: CancellationToken) -> Made {
         let Claim { tenant, upload, .. } = claim;
         let Storage { records, .. } = &self.intake.storage;
-        let extent = Extent::resumed(upload.offset, &upload.sha256_state);
-        let extent = extent.ok_or_else(|| storage::Error::Records("the state of a digest cannot be read".into()))?;
-        let (sha256, byte_count) = (extent.sha256(), upload.offset);
-        if let Some(announced) = upload.announced.iter().find(|announced| **announced != sha256) {
-            return Err(FileError::Digest { announced: announced.clone(), found: sha256 });
+        let (byte_count, parts) = (upload.offset, uploads::parts(records, &upload.id).await?);
+        let (id, name) = (upload.id.clone(), upload.name.clone());
+        let mut stored = Stored { id, name, sha256: String::new(), is_packed: false, byte_count, parts };
+        let extent = match &upload.concat {
+            Concat::Final { .. } => self.read_once(&stored, gone.clone()).await?,
+            Concat::Whole | Concat::Partial => Extent::resumed(upload.offset, &upload.sha256_state)
+                .ok_or_else(|| storage::Error::Records("the state of a digest cannot be read".into()))?,
+        };
+        stored.sha256 = extent.sha256();
+        if let Some(announced) = upload.announced.iter().find(|announced| **announced != stored.sha256) {
+            return Err(FileError::Digest { announced: announced.clone(), found: stored.sha256 });
         }
-        let parts = uploads::parts(records, &upload.id).await?;
-        let mut stored =
-            Stored { id: upload.id.clone(), name: upload.name.clone(), sha256, is_packed: false, byte_count, parts };
         stored.is_packed = self.intake.judge(&self.prefix(&stored).await?, Some(byte_count))?;
         // The bytes of a packed upload go when what is in it is kept.
         let room = self.intake.quota.room(records, tenant).await?.without(byte_count);
         self.intake.drafts(stored, upload.declared.clone(), room, gone).await
+    }
+
+    /// Reads a stored file to its end for its digest: those of its pieces say nothing of the whole. On a thread that may block.
+    async fn read_once(&self, stored: &Stored, gone: CancellationToken) -> Result<Extent, FileError> {
+        let bytes = self.intake.read(stored);
+        let reading = spawn_blocking(move || {
+            let (mut extent, mut block) = (Extent::default(), vec![0; BLOCK_BYTES]);
+            while extent.byte_count < bytes.len() {
+                if gone.is_cancelled() {
+                    return Err(pipeline::Error::Cancelled);
+                }
+                let rest = usize::try_from(bytes.len() - extent.byte_count).unwrap_or(usize::MAX);
+                let piece = block.get_mut(..rest.min(BLOCK_BYTES)).unwrap_or_default();
+                bytes.read_at(extent.byte_count, piece).map_err(pipeline::Error::Unreadable)?;
+                extent.extend(piece);
+            }
+            Ok(extent)
+        });
+        let read = reading.await.map_err(|error| pipeline::Error::Unreadable(std::io::Error::other(error)))?;
+        Ok(read?)
     }
 
     /// The beginning of a stored file.
@@ -278,7 +303,7 @@ impl Uploads {
         if taken != Ok(true) {
             self.forget_unpacked(claim, ids.iter().map(String::as_str)).await;
         } else if !ids.contains(id) {
-            self.intake.forget(id).await;
+            self.forget_bytes(id, &claim.upload.concat).await;
         }
         match taken {
             Err(exceeded) => self.refuse(claim, &FileError::from(exceeded).into(), false).await,
@@ -306,7 +331,7 @@ impl Uploads {
             );
             endings::give_up(records, claim, &said, self.expiry).await?;
         } else if endings::refuse(records, claim, &said, self.expiry).await? {
-            self.forget(id, State::Refused).await;
+            self.forget_bytes(id, &claim.upload.concat).await;
         }
         Ok(())
     }
@@ -324,9 +349,9 @@ impl Uploads {
     async fn expire(&self) {
         match endings::expire(&self.intake.storage.records).await {
             Ok(expired) => {
-                for (id, was) in expired {
-                    tracing::info!(upload = id, state = was.name(), "an upload's time is over");
-                    self.forget(&id, was).await;
+                for gone in expired {
+                    tracing::info!(upload = gone.id, state = gone.was.name(), "an upload's time is over");
+                    self.forget(&gone).await;
                 }
             }
             Err(error) => tracing::warn!(%error, "cannot look for uploads whose time is over; trying again later"),

@@ -16,6 +16,8 @@ pub mod checksum;
 pub mod resume;
 /// What becomes of them.
 pub mod finish;
+/// Uploads that are made of others.
+pub mod join;
 
 use super::access::quota::{Exceeded, Quota, Room};
 use super::hex::hex;

@@ -6,12 +6,14 @@ use super::super::access::quota::Exceeded;
 use super::super::api::problem::Problem;
 use super::super::crash;
 use super::super::pace::Pace;
+use super::super::storage::endings::{self, Gone};
 use super::super::storage::parts::Part;
-use super::super::storage::uploads::{self, Added, Addition, Beginning, New, NoRoom, State, Upload};
-use super::super::storage::{self, endings, new_id};
+use super::super::storage::uploads::{self, Added, Addition, Beginning, Concat, New, NoRoom, State, Upload};
+use super::super::storage::{self, new_id};
 use super::checksum::Checksum;
 use super::extent::Extent;
 use super::finish::Ends;
+use super::join::Unusable;
 use super::spool::Spool;
 use super::{Announcement, Error as FileError, Intake};
 use bytes::Bytes;
@@ -40,6 +42,17 @@ pub enum Error {
     /// All bytes are there.
     #[error("all bytes are there")]
     Complete,
+    /// The upload is made of others: nothing can be added to it.
+    #[error("the upload is made of others")]
+    Final,
+    /// An upload that cannot be a piece of another.
+    #[error("the upload {id} cannot be a piece: {unusable:?}")]
+    Piece {
+        /// The upload.
+        id: String,
+        /// Why.
+        unusable: Unusable,
+    },
     /// The upload was refused; this was said.
     #[error("{}", .0.detail)]
     Refused(Box<Problem>),
@@ -106,11 +119,17 @@ pub struct Uploads {
 }
 
 impl Uploads {
-    /// Begins an upload of `tenant`.
+    /// Begins an upload of `tenant`, of a whole file or, partial, of a piece of one.
     ///
     /// # Errors
     /// [`Error::TooMany`], [`Error::File`].
-    pub async fn create(&self, tenant: &str, metadata: String, whole: Announcement) -> Result<Upload, Error> {
+    pub async fn create(
+        &self,
+        tenant: &str,
+        metadata: String,
+        whole: Announcement,
+        is_partial: bool,
+    ) -> Result<Upload, Error> {
         if let Some(byte_count) = whole.byte_count {
             self.fits(byte_count)?;
         }
@@ -119,7 +138,7 @@ impl Uploads {
         }
         let Announcement { name, byte_count, sha256: announced, declared, .. } = whole;
         let sha256_state = Extent::default().state();
-        let new = New { id: new_id(), name, metadata, declared, announced, byte_count, sha256_state };
+        let new = New { id: new_id(), name, metadata, declared, announced, byte_count, sha256_state, is_partial };
         let Intake { storage, quota, .. } = &self.intake;
         match uploads::insert(&storage.records, tenant, *quota, &new, self.expiry).await? {
             Ok(upload) => Ok(upload),
@@ -151,7 +170,7 @@ impl Uploads {
             None if piece.byte_count == Some(0) && self.ends_at(tenant, id, offset).await? => {}
             None => return Err(self.why_not(tenant, id, Some(&piece)).await?),
             // It ends where it is.
-            Some(upload) if upload.state == State::Finishing => match piece.byte_count {
+            Some(upload) if upload.state != State::Receiving => match piece.byte_count {
                 Some(0) => {}
                 _ => return Err(Error::Complete),
             },
@@ -171,8 +190,8 @@ impl Uploads {
         let upload = uploads::get(records, tenant, id).await?;
         let upload = upload.ok_or_else(|| Error::Missing(id.to_owned()))?;
         match upload.state {
-            State::Receiving => Ok(upload),
-            _ => self.ended(tenant, id).await,
+            State::Receiving | State::Complete | State::Joined => Ok(upload),
+            State::Finishing | State::Taken | State::Refused => self.ended(tenant, id).await,
         }
     }
 
@@ -182,14 +201,14 @@ impl Uploads {
     /// [`Error::Missing`], [`Error::File`].
     pub async fn delete(&self, tenant: &str, id: &str) -> Result<(), Error> {
         let was = endings::delete(&self.intake.storage.records, tenant, id).await?;
-        self.forget(id, was.ok_or_else(|| Error::Missing(id.to_owned()))?).await;
+        self.forget(&was.ok_or_else(|| Error::Missing(id.to_owned()))?).await;
         Ok(())
     }
 
     /// The same for one whose sender never heard of it, unless it has become ray sets.
     pub async fn abandon(&self, tenant: &str, id: &str) {
         match endings::abandon(&self.intake.storage.records, tenant, id).await {
-            Ok(Some(was)) => self.forget(id, was).await,
+            Ok(Some(was)) => self.forget(&was).await,
             Ok(None) => {}
             Err(error) => {
                 tracing::warn!(upload = id, %error, "an upload that nobody knows of stays until its time is over");
@@ -197,15 +216,24 @@ impl Uploads {
         }
     }
 
-    /// Deletes the blobs of an upload whose row is gone. Of one that was taken, they are a ray set's.
-    pub(super) async fn forget(&self, id: &str, was: State) {
-        if was != State::Taken {
-            self.intake.forget(id).await;
+    /// Deletes the blobs of an upload whose row is gone. Of one that was taken they are a ray set's, of one that was joined they
+    /// are another upload's.
+    pub(super) async fn forget(&self, gone: &Gone) {
+        if !matches!(gone.was, State::Taken | State::Joined) {
+            self.forget_bytes(&gone.id, &gone.concat).await;
+        }
+    }
+
+    /// Deletes the blobs of an upload: its own, and those of its pieces, which are its own too.
+    pub(super) async fn forget_bytes(&self, id: &str, concat: &Concat) {
+        self.intake.forget(id).await;
+        for piece in concat.partials() {
+            self.intake.forget(piece).await;
         }
     }
 
     /// Whether a file may be so long.
-    fn fits(&self, whole: u64) -> Result<(), FileError> {
+    pub(super) fn fits(&self, whole: u64) -> Result<(), FileError> {
         match whole {
             0 => Err(FileError::Empty),
             _ if whole > self.intake.max_bytes => Err(FileError::TooLarge(self.intake.max_bytes)),
@@ -216,7 +244,10 @@ impl Uploads {
     /// Whether all of an upload is there, up to `offset`.
     async fn ends_at(&self, tenant: &str, id: &str, offset: u64) -> Result<bool, Error> {
         let upload = uploads::get(&self.intake.storage.records, tenant, id).await?;
-        let complete = |upload: &Upload| matches!(upload.state, State::Finishing | State::Taken);
+        let complete = |upload: &Upload| {
+            let is_there = matches!(upload.state, State::Finishing | State::Taken | State::Complete | State::Joined);
+            is_there && upload.concat.partials().is_empty()
+        };
         Ok(upload.is_some_and(|upload| complete(&upload) && upload.offset == offset))
     }
 
@@ -227,11 +258,12 @@ impl Uploads {
         let is_its_length = |whole| upload.offset <= whole && upload.byte_count.is_none_or(|known| known == whole);
         let is_here = piece.filter(|piece| piece.offset == upload.offset);
         Ok(match upload.state {
+            _ if !upload.concat.partials().is_empty() => Error::Final,
             State::Receiving if is_here.and_then(|piece| piece.whole).is_some_and(|it| !is_its_length(it)) => {
                 Error::Length
             }
             State::Receiving => Error::Offset { at: upload.offset },
-            State::Finishing | State::Taken => Error::Complete,
+            State::Finishing | State::Taken | State::Complete | State::Joined => Error::Complete,
             State::Refused => Error::Refused(Box::new(refusal(&upload))),
         })
     }
@@ -257,6 +289,7 @@ impl Uploads {
         };
         let spool = Spool::new(&self.intake, &upload.id, upload.byte_count);
         let spool = spool.resumed(session, came, number, &bytes);
+        let spool = if upload.concat == Concat::Partial { spool.unjudged() } else { spool };
         Ok(Writing { uploads: self, tenant, upload, session, spool, number, named: upload.offset, continued })
     }
 }
@@ -404,7 +437,7 @@ impl Writing<'_> {
         let problem = Problem::from(error);
         let said = serde_json::to_string(&problem).unwrap_or_default();
         if endings::refuse_early(&intake.storage.records, id, self.session, &said, *expiry).await? {
-            self.uploads.forget(id, State::Refused).await;
+            self.uploads.forget_bytes(id, &self.upload.concat).await;
         }
         Ok(Error::Refused(Box::new(problem)))
     }

@@ -59,6 +59,11 @@ impl<'a> Spool<'a> {
         Spool { mark, number, stored, came, judged, ..self }
     }
 
+    /// Judges nothing: a piece of a file begins anywhere in it.
+    pub fn unjudged(self) -> Spool<'a> {
+        Spool { judged: true, ..self }
+    }
+
     /// How much has come, bytes.
     pub fn byte_count(&self) -> u64 {
         self.came.byte_count

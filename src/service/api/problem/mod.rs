@@ -4,6 +4,8 @@
 mod uploads;
 /// Problems of what is elsewhere.
 mod elsewhere;
+/// Headers that are not honoured.
+mod headers;
 
 use super::super::access::keys::Refusal;
 use super::super::access::quota::Exceeded;

@@ -1,5 +1,6 @@
 //! What can go wrong with an upload that is to be resumed.
 
+use super::super::super::upload::join::Unusable;
 use super::super::super::upload::resume::Error;
 use super::{Problem, QUEUE_WAIT_S};
 use axum::http::StatusCode;
@@ -40,6 +41,34 @@ impl Problem {
     }
 }
 
+/// An upload that cannot be a piece of a final one.
+fn piece(id: &str, unusable: Unusable) -> Problem {
+    let (status, code, title, detail, remedy) = match unusable {
+        Unusable::NotPartial => (
+            StatusCode::UNPROCESSABLE_ENTITY,
+            "upload.not_partial",
+            "Not a partial upload",
+            format!("The upload {id} was not begun as a partial one."),
+            "Begin each piece with Upload-Concat: partial.",
+        ),
+        Unusable::Unfinished => (
+            StatusCode::CONFLICT,
+            "upload.partial_unfinished",
+            "A partial upload is not complete",
+            format!("Bytes of the partial upload {id} are missing."),
+            "Send the rest of it first; HEAD tells where it goes on.",
+        ),
+        Unusable::Used => (
+            StatusCode::CONFLICT,
+            "upload.partial_used",
+            "A partial upload is used already",
+            format!("The partial upload {id} is a piece of another upload."),
+            "GET tells which: part_of. To make another file of the same bytes, send them again.",
+        ),
+    };
+    Problem::new(status, code, title, detail).at("Upload-Concat").remedy(remedy)
+}
+
 impl From<Error> for Problem {
     fn from(error: Error) -> Problem {
         match error {
@@ -57,6 +86,12 @@ impl From<Error> for Problem {
                 Problem::new(StatusCode::CONFLICT, "upload.complete", "The upload is complete", detail)
                     .remedy("Ask with GET what became of it.")
             }
+            Error::Final => {
+                let detail = "The upload is made of partial uploads; nothing can be added to it.";
+                Problem::new(StatusCode::FORBIDDEN, "upload.final", "The upload is final", detail)
+                    .remedy("Ask with GET what became of it.")
+            }
+            Error::Piece { id, unusable } => piece(&id, unusable),
             Error::Beyond(length) => {
                 let detail = format!("The request goes beyond the announced {length} bytes.");
                 let status = StatusCode::PAYLOAD_TOO_LARGE;

@@ -11,7 +11,7 @@ use std::borrow::Cow;
 use std::time::Duration;
 
 /// The schema, step by step: number, what it brought, its text. By hand, for `sqlx::migrate!` compiles all of sqlx a second time.
-const MIGRATIONS: [(i64, &str, &str); 9] = [
+const MIGRATIONS: [(i64, &str, &str); 10] = [
     (1, "first", include_str!("../migrations/0001_first.sql")),
     (2, "packed", include_str!("../migrations/0002_packed.sql")),
     (3, "channels", include_str!("../migrations/0003_channels.sql")),
@@ -21,6 +21,7 @@ const MIGRATIONS: [(i64, &str, &str); 9] = [
     (8, "uploads", include_str!("../migrations/0008_uploads.sql")),
     (9, "lines", include_str!("../migrations/0009_lines.sql")),
     (10, "push", include_str!("../migrations/0010_push.sql")),
+    (11, "concatenation", include_str!("../migrations/0011_concatenation.sql")),
 ];
 
 /// The words that the engines say differently.
