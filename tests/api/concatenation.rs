@@ -265,7 +265,8 @@ async fn a_piece_that_is_deleted_meanwhile_is_in_the_file_or_is_not_there() {
     let file = rays::zemax(40);
     for round in 0..12 {
         let (start, rest) = (piece(&site, &file[..500]).await, piece(&site, &file[500..]).await);
-        let (made, deleted) = tokio::join!(join(&site, &[&start, &rest], &[]), site.delete(&start));
+        let both = [start.as_str(), rest.as_str()];
+        let (made, deleted) = tokio::join!(join(&site, &both, &[]), site.delete(&start));
         assert_eq!(deleted.status, StatusCode::NO_CONTENT, "{round}");
         match made.status {
             StatusCode::CREATED => {
