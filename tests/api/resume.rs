@@ -292,7 +292,8 @@ async fn the_protocol_is_told_and_asked_for() {
         assert_eq!((told.status, told.header("tus-version")), (StatusCode::NO_CONTENT, "1.0.0"));
         assert_eq!((told.header("tus-resumable"), told.header("tus-max-size")), ("1.0.0", "1000"));
         assert_eq!(told.header("tus-checksum-algorithm"), "sha1,sha256");
-        let extensions = "creation,creation-with-upload,creation-defer-length,termination,checksum,expiration";
+        let extensions =
+            "creation,creation-with-upload,creation-defer-length,termination,checksum,expiration,concatenation";
         assert_eq!(told.header("tus-extension"), extensions);
     }
     for version in [&[][..], &[("tus-resumable", "0.2.2")]] {

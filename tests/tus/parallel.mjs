@@ -75,7 +75,8 @@ function send(site, file, parallelUploads) {
       parallelUploads,
       metadata: { filename: "parallel.dat", length_unit: "mm", quantity: "radiant" },
       onBeforeRequest: (request) => { begun += request.getMethod() === "POST" ? 1 : 0; },
-      onError: failed,
+      // Without its requests, which are pages long.
+      onError: (error) => failed(new Error(error.message)),
       onSuccess: () => done({ url: upload.url, begun }),
     });
     upload.start();

@@ -1,6 +1,7 @@
 //! Headers that change what a request means: each is honoured or refused, never ignored, and on every route. This is the one place
 //! that judges those which no handler honours. `openapi/README.md` has the table that clients read.
 
+use super::super::storage::uploads::PARTIAL;
 use super::Api;
 use super::access::operations;
 use super::contract::can_fail;
@@ -141,6 +142,8 @@ fn of_an_upload(method: &Method, is_tus: bool, headers: &HeaderMap) -> Result<()
         }
         let value = text(headers, name.as_str()).unwrap_or_default();
         let is_known = match (is_tus, method) {
+            // tus-js-client says it with every request of a partial upload; whether it is one is the handler's to tell.
+            (true, &Method::PATCH) if *name == tus::CONCAT => value == PARTIAL,
             (true, &Method::PATCH) => [tus::OFFSET, tus::LENGTH, tus::CHECKSUM].contains(name),
             // An upload begins at its beginning.
             (true, _) if *name == tus::OFFSET => value == "0",

@@ -322,6 +322,10 @@ pub async fn append(
         whole: tus::bytes(&headers, &tus::LENGTH)?,
         checksum: tus::checksum(&headers)?,
     };
+    if headers.contains_key(tus::CONCAT) && find(&api, &access, &id).await?.concat == Concat::Whole {
+        let remedy = "Send it without the header, or begin the upload with it.";
+        return Err(Problem::not_honoured(tus::CONCAT.as_str(), "The upload is not a partial one.", remedy));
+    }
     let (uploads, tenant, upload) = (api.uploads.clone(), access.tenant.clone(), id.clone());
     let appended = async move { uploads.append(&tenant, &upload, piece, body.into_data_stream()).await };
     match to_its_end(appended).await {
