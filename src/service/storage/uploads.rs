@@ -198,9 +198,11 @@ pub async fn insert(
     let insert = insert.bind(new.byte_count.map(u64::cast_signed)).bind(new.sha256_state.as_str()).bind(ms(expiry));
     let rows = transaction.read(insert).await?;
     if let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await? {
+        transaction.rollback().await?;
         return Ok(Err(NoRoom::Quota(exceeded)));
     }
     if unfinished(&mut transaction, tenant).await? > MAX_UNFINISHED {
+        transaction.rollback().await?;
         return Ok(Err(NoRoom::TooMany));
     }
     transaction.commit().await?;
@@ -277,6 +279,7 @@ pub async fn begin(
     if whole.is_some()
         && let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await?
     {
+        transaction.rollback().await?;
         return Ok(Err(exceeded));
     }
     transaction.commit().await?;
@@ -305,11 +308,15 @@ pub async fn add(records: &Records, quota: Quota, addition: &Addition<'_>) -> Re
     let advance = sql(advance).bind(addition.to.cast_signed()).bind(addition.sha256_state).bind(ms(addition.expiry));
     let advance = advance.bind(addition.id).bind(addition.session).bind(addition.from.cast_signed());
     let rows = transaction.read(advance).await?;
-    let Some(row) = rows.first() else { return Ok(Added::Lost) };
+    let Some(row) = rows.first() else {
+        transaction.rollback().await?;
+        return Ok(Added::Lost);
+    };
     // What was announced has had its room since then.
     if row.optional_number("byte_count")?.is_none()
         && let Err(exceeded) = quota.admit_bytes(&mut transaction, addition.tenant).await?
     {
+        transaction.rollback().await?;
         return Ok(Added::NoRoom(exceeded));
     }
     let replaced = sql("DELETE FROM upload_parts WHERE upload_id = $1 AND number = $2");
