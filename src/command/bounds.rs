@@ -40,7 +40,7 @@ pub struct Bounds {
     /// Most jobs of a tenant that are computed at once [default: no limit].
     #[arg(long, env = "LAMPWRIGHT_QUOTA_RUNNING", value_name = "N", value_parser = measure::at_least_one::<u64>)]
     quota_running: Option<u64>,
-    /// What is kept free on local disks, as 2GiB: with less, no upload is taken; 0 is nothing [default: 512MiB].
+    /// What is kept free on local disks, as 2GiB: with less, nothing new is taken and /readyz is 503; 0 is nothing [default: 512MiB].
     #[arg(long, env = "LAMPWRIGHT_KEEP_FREE", value_name = "SIZE", value_parser = measure::bytes)]
     keep_free: Option<u64>,
     /// Time after which an ended job and its artifacts are deleted, as 36h or in days [default: never].

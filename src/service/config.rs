@@ -75,7 +75,7 @@ pub struct Config {
     pub ingest_buckets: Vec<String>,
     /// How webhooks are told.
     pub webhooks: webhooks::Policy,
-    /// Bytes kept free on local disks: with less, no upload is taken.
+    /// Bytes kept free on local disks: with less, nothing new is taken and `/readyz` is 503.
     pub keep_free: u64,
     /// What is kept, and for how long.
     pub retention: Retention,

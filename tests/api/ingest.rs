@@ -23,7 +23,7 @@ use tokio::net::{TcpListener, TcpSocket};
 const RAYS: u32 = 1000;
 
 /// Somebody else's files; its port.
-async fn files() -> u16 {
+pub async fn files() -> u16 {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let port = listener.local_addr().unwrap().port();
     let half = || Bytes::from(zemax(RAYS)[..5000].to_vec());
@@ -58,7 +58,7 @@ fn broken(half: Bytes) -> impl futures::Stream<Item = std::io::Result<Bytes>> {
 }
 
 /// A service that fetches, also from the name of this machine.
-fn near(config: Config) -> Config {
+pub fn near(config: Config) -> Config {
     Config { ingest: Some(true), outbound_exceptions: vec!["localhost".parse().unwrap()], ..config }
 }
 

@@ -66,6 +66,10 @@ mod ingest;
 mod model;
 /// What processes and stores do to jobs.
 mod faults;
+/// A database without room.
+mod full;
+/// Connections and transactions of the database.
+mod transactions;
 /// Entity tags and ranges.
 mod downloads;
 /// Health under load, stopping, starting.

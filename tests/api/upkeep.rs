@@ -128,7 +128,7 @@ async fn with_little_room_left_nothing_is_taken_and_everything_can_be_deleted() 
     }
     site.restart(prompt()).await;
     site.upload(crate::rays::zemax(3)).await.is_problem(507, "storage.low_space");
-    site.get("/readyz").await.is_problem(507, "storage.low_space");
+    site.get("/readyz").await.is_problem(503, "storage.low_space");
     assert_eq!(site.get("/healthz").await.status, StatusCode::OK);
     assert_eq!(site.get(&format!("/v1/jobs/{job}/model.zip")).await.status, StatusCode::OK);
     for address in [format!("/v1/jobs/{job}"), format!("/v1/ray-sets/{ray_set}")] {

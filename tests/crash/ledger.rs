@@ -168,9 +168,13 @@ async fn differences(storage: &Storage) -> Vec<String> {
     stored.difference(&named).filter(|key| !key.starts_with("probes/")).cloned().collect()
 }
 
-/// No promise, and no refusal either.
+/// No promise, and no refusal for ever either: a store does not answer, or has no room now.
 pub fn told_to_come_back(answer: &Answer) -> bool {
-    answer.status == 503 && answer.header("retry-after").is_some()
+    match answer.status {
+        503 => answer.header("retry-after").is_some(),
+        507 => matches!(answer.json()["code"].as_str(), Some("storage.full" | "storage.low_space")),
+        _ => false,
+    }
 }
 
 /// Waits for the end of a job.

@@ -15,18 +15,20 @@ mod ledger;
 mod node;
 /// A client that goes on where it was.
 mod resume;
+/// A disk that can be made full.
+mod disk;
+/// Faults at random moments, and the full disk.
+mod faults;
 
 use lampwright::service::crash;
 use lampwright::service::storage::records::sql;
 use ledger::{Ledger, ended, ray_file, ray_file_of};
 use node::{LEASE_S, Node, World, get, until};
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
 use resume::{Joined, Resumed};
 use std::process::Command;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, RwLock};
-use std::thread::{scope, sleep};
+use std::sync::RwLock;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 /// The database of all tests: whoever takes it away does so alone.
@@ -150,76 +152,6 @@ fn a_request_under_a_key_makes_one_job_though_its_answer_was_lost() {
     assert_eq!((rows.len(), ledger.jobs.len()), (2, 2), "a key made two jobs, or none");
     world.runtime.block_on(storage.records.close());
     ledger.audit(&world, &world.node(&TIDY));
-}
-
-/// What a lab's robot does until it is told to stop: sends a file, every other one in pieces, queues a job, and so on, to
-/// whichever node answers.
-fn robot(addresses: &Mutex<Vec<String>>, number: u64, stop: &AtomicBool) -> Ledger {
-    let mut ledger = Ledger::default();
-    let address = |turn: u64| {
-        let addresses = addresses.lock().unwrap();
-        addresses[turn as usize % addresses.len()].clone()
-    };
-    for round in 0.. {
-        if stop.load(Ordering::Relaxed) {
-            break;
-        }
-        let bytes = ray_file(number * 1_000_000 + round);
-        let sent = match round % 2 {
-            0 => ledger.upload(&address(round), &bytes),
-            _ => {
-                let size = 1 + (7919 * (round + number)) as usize % bytes.len();
-                let (mut upload, mut turn) = (Resumed::new(bytes, size), round);
-                let id = until("an upload in pieces", || {
-                    turn += 1;
-                    upload.step(&address(turn))
-                });
-                ledger.resumed(&id, upload.bytes());
-                Some(id)
-            }
-        };
-        sent.and_then(|ray_set| ledger.submit(&address(round), &ray_set));
-        sleep(Duration::from_millis(50));
-    }
-    ledger
-}
-
-#[test]
-fn kills_at_random_moments_lose_nothing_and_publish_once() {
-    let _database = DATABASE.read().unwrap();
-    let (kills, seed) = (chosen("CRASH_KILLS", 20), chosen("CRASH_SEED", 1));
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let (world, start) = (World::new(), Instant::now());
-    // A data folder has one process; servers have as many as there are.
-    let count = if engines::are_shared() { 2 } else { 1 };
-    let mut nodes: Vec<Node> = (0..count).map(|_| world.node(&HARDY)).collect();
-    let told = |nodes: &[Node]| nodes.iter().map(|node| node.address.clone()).collect::<Vec<String>>();
-    let (addresses, stop) = (&Mutex::new(told(&nodes)), &AtomicBool::new(false));
-    let mut ledger = Ledger::default();
-    scope(|scope| {
-        let robots: Vec<_> = (1..=2).map(|number| scope.spawn(move || robot(addresses, number, stop))).collect();
-        for kill in 0..kills {
-            sleep(Duration::from_millis(random.next_u64() % 1000));
-            let victim = nodes.remove(kill as usize % count);
-            victim.kill();
-            nodes.insert(kill as usize % count, world.node(&HARDY));
-            *addresses.lock().unwrap() = told(&nodes);
-        }
-        stop.store(true, Ordering::Relaxed);
-        for robot in robots {
-            let Ledger { ray_sets, jobs } = robot.join().unwrap();
-            ledger.ray_sets.extend(ray_sets);
-            ledger.jobs.extend(jobs);
-        }
-    });
-    drop(nodes);
-    let soaked = start.elapsed();
-    ledger.audit(&world, &world.node(&TIDY));
-    let (files, jobs) = (ledger.ray_sets.len(), ledger.jobs.len());
-    println!(
-        "{kills} kills (seed {seed}) in {soaked:?}: {files} files and {jobs} jobs kept, audited by {:?}",
-        start.elapsed()
-    );
 }
 
 #[test]

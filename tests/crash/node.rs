@@ -1,5 +1,6 @@
 //! The stores of one test, and processes that work on them until something kills them.
 
+use crate::disk::Disk;
 use crate::engines::{self, Engines};
 use crate::http::{Answer, ask};
 use crate::receiver::Receiver;
@@ -23,6 +24,8 @@ pub const LEASE_S: u64 = 2;
 
 /// One test's stores: files in a folder, or a schema and a prefix on the servers that `tests/engines/with` started.
 pub struct World {
+    /// What the data folder is on, when it is not the folder's own disk. Unmounted before the folder goes.
+    pub disk: Option<Disk>,
     pub folder: TempDir,
     engines: Option<Engines>,
     pub runtime: Runtime,
@@ -32,7 +35,25 @@ impl World {
     pub fn new() -> World {
         let runtime = Runtime::new().unwrap();
         let engines = runtime.block_on(engines::shared());
-        World { folder: tempfile::tempdir().unwrap(), engines, runtime }
+        World { disk: None, folder: tempfile::tempdir().unwrap(), engines, runtime }
+    }
+
+    /// The same on a disk of so many bytes, where rows and blobs are files and this user may mount one.
+    pub fn with_disk(bytes: u64) -> World {
+        let world = World::new();
+        let disk = if engines::are_shared() { None } else { Disk::mount(&world.data(), bytes) };
+        World { disk, ..world }
+    }
+
+    /// Cuts every connection to these stores' database.
+    pub fn cut(&self) {
+        let url = &self.engines.as_ref().unwrap().database_url;
+        let name = url.rsplit('=').next().unwrap();
+        let cut = format!(
+            "SELECT pg_terminate_backend(pid) FROM pg_stat_activity \
+             WHERE application_name = '{name}' AND pid <> pg_backend_pid()"
+        );
+        self.runtime.block_on(engines::execute(url, cut));
     }
 
     fn data(&self) -> PathBuf {
@@ -62,6 +83,17 @@ impl World {
     /// A process that lives.
     pub fn node(&self, arguments: &[&str]) -> Node {
         let node = self.armed(arguments, None);
+        assert!(node.lives(), "it died at its start: {}", node.log());
+        node
+    }
+
+    /// A process that lives, on a disk of any size, and meets an error where it writes more than [`Node::limit`] allows: what ends
+    /// a process by default is ignored.
+    pub fn shielded(&self, arguments: &[&str]) -> Node {
+        let mut shell = Command::new("sh");
+        shell.args(["-c", "trap '' XFSZ; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_lampwright")]);
+        let keep_free: &[&str] = if self.disk.is_some() { &["--keep-free", "0"] } else { &[] };
+        let node = self.spawn(&mut shell, &[keep_free, arguments].concat(), None);
         assert!(node.lives(), "it died at its start: {}", node.log());
         node
     }
@@ -131,6 +163,12 @@ impl Node {
     /// SIGSTOP, SIGCONT: std has neither; kill(1) is on every system that has signals.
     pub fn signal(&self, name: &str) {
         assert!(Command::new("kill").args(["-s", name, &self.child.id().to_string()]).status().unwrap().success());
+    }
+
+    /// What prlimit(1) sets of the running process.
+    pub fn limit(&self, limit: &str) {
+        let id = self.child.id().to_string();
+        assert!(Command::new("prlimit").args(["--pid", &id, limit]).status().unwrap().success(), "{limit}");
     }
 
     /// The signal that it died of, once it has.

@@ -24,7 +24,15 @@ pub async fn shared() -> Option<Engines> {
     connection.execute(sqlx::AssertSqlSafe(format!("CREATE SCHEMA {name}"))).await.unwrap();
     connection.close().await.unwrap();
     Some(Engines {
-        database_url: format!("{database}?options[search_path]={name}"),
+        database_url: format!("{database}?options[search_path]={name}&application_name={name}"),
         storage_url: format!("{store}/{name}"),
     })
+}
+
+/// Says `text`, one or more statements, to the database at `url`, behind the back of whoever works with it.
+pub async fn execute(url: &str, text: String) {
+    sqlx::any::install_default_drivers();
+    let mut connection = sqlx::AnyConnection::connect(url).await.unwrap();
+    connection.execute(sqlx::AssertSqlSafe(text)).await.unwrap();
+    connection.close().await.unwrap();
 }

@@ -126,7 +126,10 @@ pub async fn rotate(records: &Records, id: &str, overlap_ms: i64) -> Result<Opti
     let end = "UPDATE api_keys SET expires_ms = CASE WHEN expires_ms < {now} + $1 THEN expires_ms ELSE {now} + $1 END \
                WHERE id = $2 AND revoked_ms IS NULL AND (expires_ms IS NULL OR expires_ms > {now}) RETURNING *";
     let rows = transaction.read(sql(end).bind(overlap_ms).bind(id)).await?;
-    let Some(old) = rows.first().map(key).transpose()? else { return Ok(None) };
+    let Some(old) = rows.first().map(key).transpose()? else {
+        transaction.rollback().await?;
+        return Ok(None);
+    };
     let new = NewKey { tenant: old.tenant, name: old.name, scopes: old.scopes, lifetime_ms };
     let issued = insert(&mut transaction, &new).await?;
     transaction.commit().await?;

@@ -67,9 +67,28 @@ pub fn patient(mut routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
     routes.layer(ServiceBuilder::new().layer(HandleErrorLayer::new(refused)).layer(TimeoutLayer::new(PATIENCE)))
 }
 
+/// Says in the contract that these routes write, and that what they write may find no room.
+pub fn can_be_full(mut routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
+    for operation in operations(&mut routes.get_openapi_mut().paths) {
+        can_fail(operation, "507", "no room for more");
+    }
+    routes
+}
+
+/// Requests to these routes write rows: while there is less room than is kept free they are refused, and what makes room is not.
+pub fn roomy(routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
+    can_be_full(routes).layer(from_fn(|request: Request, next: Next| async move {
+        match request.extensions().get::<Api>().map(|api| api.space.has_room_for(0)) {
+            Some(true) => next.run(request).await,
+            Some(false) => Problem::low_space().into_response(),
+            None => Problem::internal().into_response(),
+        }
+    }))
+}
+
 /// Bodies sent to these routes are kept: they need room, and are counted as they come.
 pub fn kept(routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
-    routes.layer(from_fn(|request: Request, next: Next| async move {
+    can_be_full(routes).layer(from_fn(|request: Request, next: Next| async move {
         match room(request) {
             Ok(request) => next.run(request).await,
             Err(problem) => problem.into_response(),

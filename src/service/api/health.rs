@@ -29,22 +29,22 @@ pub async fn live() -> Json<Health> {
 
 /// Tells whether the service can do its work
 ///
-/// The database answers, the object store takes bytes and has room, and it is not stopping.
+/// What is written to the database is there for others, the object store takes bytes, local disks have the room that is kept
+/// free, and it is not stopping.
 #[utoipa::path(
     get, path = "/readyz", tag = "health", operation_id = "ready",
     responses(
         (status = 200, body = Health, description = "it can"),
         (status = 503, body = Problem, content_type = "application/problem+json", description = "it cannot"),
-        (status = 507, body = Problem, content_type = "application/problem+json", description = "no room for more"),
     )
 )]
 pub async fn ready(State(api): State<Api>) -> Result<Json<Health>, Problem> {
     if api.draining.is_cancelled() {
         return Err(Problem::draining());
     }
-    api.storage.check().await?;
     if !api.space.has_room_for(0) {
-        return Err(Problem::low_space());
+        return Err(Problem::low_space().not_ready());
     }
+    api.storage.check().await.map_err(|error| Problem::from(error).not_ready())?;
     Ok(Json(WELL))
 }

@@ -58,7 +58,7 @@ use super::upload::resume::Uploads;
 use super::webhooks::dispatcher::Dispatcher;
 use super::webhooks::{EndedJob, Message};
 use access::{needs, needs_one_of, needs_only};
-use admission::{admit, admit_but_waiting, kept, patient};
+use admission::{admit, admit_but_waiting, can_be_full, kept, patient, roomy};
 use axum::extract::Request;
 use axum::http::{HeaderName, HeaderValue, Method, Uri, header};
 use axum::response::{IntoResponse, Response};
@@ -171,24 +171,26 @@ fn routes() -> OpenApiRouter<Api> {
         .routes(needs_one_of(&[UploadsRead, UploadsWrite], routes!(uploads::offset)))
         .routes(needs(UploadsRead, routes!(spectra::list)))
         .routes(needs(UploadsRead, routes!(spectra::get)))
-        .routes(needs(JobsWrite, routes!(submission::create)))
         .routes(needs(JobsRead, routes!(jobs::list)))
         .routes(needs(JobsRead, routes!(artifacts::list)))
         .routes(needs(JobsRead, routes!(artifacts::download)))
         .routes(needs(JobsRead, routes!(artifacts::download_zip)))
-        .routes(needs(WebhooksWrite, routes!(webhooks::create)))
         .routes(needs(WebhooksRead, routes!(webhooks::list)))
         .routes(needs(WebhooksRead, routes!(webhooks::get)))
+        .routes(needs(WebhooksRead, routes!(deliveries::list)));
+    // What only writes rows; what makes room is with the relief.
+    let writes = OpenApiRouter::new()
+        .routes(needs(JobsWrite, routes!(submission::create)))
+        .routes(needs(WebhooksWrite, routes!(webhooks::create)))
         .routes(needs(WebhooksWrite, routes!(webhooks::change)))
         .routes(needs(WebhooksWrite, routes!(webhooks::rotate)))
         .routes(needs(WebhooksWrite, routes!(deliveries::ping)))
-        .routes(needs(WebhooksRead, routes!(deliveries::list)))
         .routes(needs(WebhooksWrite, routes!(deliveries::redeliver)));
     let waits = OpenApiRouter::new().routes(needs(JobsRead, routes!(jobs::get)));
     // Bounded by the watcher for as long as they last.
     let streams = OpenApiRouter::new().routes(needs(JobsRead, routes!(events::events)));
     // Always admitted: a full service must still be told to do less, and say that it lives.
-    let relief = watch()
+    let relief = OpenApiRouter::new()
         .routes(needs_only(UploadsWrite, routes!(ray_sets::delete)))
         .routes(needs_only(UploadsWrite, routes!(uploads::delete)))
         .routes(needs_only(UploadsWrite, routes!(spectra::delete)))
@@ -199,12 +201,13 @@ fn routes() -> OpenApiRouter<Api> {
     let reading = places(READS);
     OpenApiRouter::with_openapi(Contract::openapi())
         .merge(admit(kept(uploads), &places(UPLOADS)))
-        .merge(admit(ingests, &places(INGESTS)))
+        .merge(admit(roomy(ingests), &places(INGESTS)))
         .merge(admit(patient(kept(spectra)), &places(UPLOADS)))
         .merge(admit(patient(reads), &reading))
+        .merge(admit(patient(roomy(writes)), &reading))
         .merge(admit_but_waiting(waits, &reading))
         .merge(patient(streams))
-        .merge(patient(relief))
+        .merge(patient(watch().merge(can_be_full(relief))))
 }
 
 /// For whoever watches over the service; every process has these.

@@ -108,13 +108,22 @@ impl Queue {
     async fn try_claim(&self) -> Result<Tried, storage::Error> {
         let mut transaction = self.storage.records.begin().await?;
         let rows = transaction.read(self.servable(SERVE)).await?;
-        let Some(served) = rows.first() else { return Ok(Tried::Busy) };
+        let Some(served) = rows.first() else {
+            transaction.rollback().await?;
+            return Ok(Tried::Busy);
+        };
         let (tenant, most) = (served.text("id")?, served.number("running_jobs")?);
         let take = sql(TAKE).bind(self.owner.as_str()).bind(self.lease_ms).bind(tenant.as_str());
         let take = self.machine(take).bind(most);
         let rows = transaction.read(take).await?;
-        let Some(row) = rows.first() else { return Ok(Tried::Busy) };
-        let Some(held) = self.memory.hold(row.count("needed_bytes")?) else { return Ok(Tried::Full) };
+        let Some(row) = rows.first() else {
+            transaction.rollback().await?;
+            return Ok(Tried::Busy);
+        };
+        let Some(held) = self.memory.hold(row.count("needed_bytes")?) else {
+            transaction.rollback().await?;
+            return Ok(Tried::Full);
+        };
         transaction.commit().await?;
         crash::point("claim.committed");
         self.told(1);

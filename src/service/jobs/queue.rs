@@ -231,7 +231,7 @@ impl Queue {
                       WHERE id = $2 AND fence = $3 AND state = 'running' AND cancel_requested = 0";
         let finish = sql(finish).bind(json(notices)?).bind(claim.id.as_str()).bind(claim.fence);
         if transaction.write(finish).await? == 0 {
-            drop(transaction);
+            transaction.rollback().await?;
             return self.finished_before(claim).await;
         }
         for (position, artifact) in artifacts.iter().enumerate() {

@@ -109,28 +109,48 @@ impl Queue {
         keyed: Option<&Keyed>,
     ) -> Result<Queued, Error> {
         let mut transaction = self.storage.records.begin().await?;
-        let held = self.quota.hold(&mut transaction, tenant).await?;
-        if let Some(keyed) = keyed
-            && let Some(row) = transaction.read(find(tenant, keyed)).await?.first()
-        {
-            return told(row, keyed);
-        }
-        let queued = match self.reused(&mut transaction, tenant, new, prospect).await? {
-            Some(id) => Queued { id, reused: true },
-            None => {
-                held.admit_job()?;
-                self.memory.admit(prospect.memory_bytes)?;
-                Queued { id: self.insert(&mut transaction, tenant, new, prospect).await?, reused: false }
+        let queued = match self.enqueue_in(&mut transaction, tenant, new, prospect, keyed).await {
+            Ok(queued) => queued,
+            Err(failed @ Error::Storage(_)) => return Err(failed),
+            Err(refused) => {
+                transaction.rollback().await?;
+                return Err(refused);
             }
         };
-        if let Some(keyed) = keyed {
-            remember(&mut transaction, tenant, keyed, &queued).await?;
-        }
         crash::point("submit.before_commit");
         transaction.commit().await?;
         crash::point("submit.committed");
         self.told(1);
         self.wake.notify_one();
+        Ok(queued)
+    }
+
+    /// The same, within a transaction that is committed only if it succeeds.
+    async fn enqueue_in(
+        &self,
+        transaction: &mut Transaction,
+        tenant: &str,
+        new: &NewJob,
+        prospect: &Prospect,
+        keyed: Option<&Keyed>,
+    ) -> Result<Queued, Error> {
+        let held = self.quota.hold(transaction, tenant).await?;
+        if let Some(keyed) = keyed
+            && let Some(row) = transaction.read(find(tenant, keyed)).await?.first()
+        {
+            return told(row, keyed);
+        }
+        let queued = match self.reused(transaction, tenant, new, prospect).await? {
+            Some(id) => Queued { id, reused: true },
+            None => {
+                held.admit_job()?;
+                self.memory.admit(prospect.memory_bytes)?;
+                Queued { id: self.insert(transaction, tenant, new, prospect).await?, reused: false }
+            }
+        };
+        if let Some(keyed) = keyed {
+            remember(transaction, tenant, keyed, &queued).await?;
+        }
         Ok(queued)
     }
 

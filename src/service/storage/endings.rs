@@ -110,6 +110,7 @@ pub async fn take(
     let take = "UPDATE uploads SET state = 'taken', result = $1, lease_until_ms = NULL, expires_ms = {now} + $2 \
                 WHERE id = $3 AND fence = $4 AND state = 'finishing'";
     if transaction.write(at(sql(take).bind(result).bind(ms(expiry)), claim)).await? == 0 {
+        transaction.rollback().await?;
         return Ok(Ok(false));
     }
     forget_parts(&mut transaction, &claim.upload.id).await?;
@@ -121,6 +122,7 @@ pub async fn take(
     if becomes > claim.upload.offset
         && let Err(exceeded) = quota.admit_bytes(&mut transaction, &claim.tenant).await?
     {
+        transaction.rollback().await?;
         return Ok(Err(exceeded));
     }
     crash::point("take.before_commit");
@@ -170,6 +172,7 @@ pub async fn refuse_early(
 async fn refused(records: &Records, id: &str, refuse: Statement) -> Result<bool, Error> {
     let mut transaction = records.begin().await?;
     if transaction.write(refuse).await? == 0 {
+        transaction.rollback().await?;
         return Ok(false);
     }
     forget_parts(&mut transaction, id).await?;

@@ -25,7 +25,7 @@ pub mod spectra;
 
 use blobs::Blobs;
 use bytes::Bytes;
-use records::{Records, sql};
+use records::Records;
 use uuid::Uuid;
 
 /// Why the stores could not be used.
@@ -38,7 +38,7 @@ pub enum Error {
     #[error("the object store failed: {0}")]
     Blobs(Box<dyn std::error::Error + Send + Sync>),
     /// No room for more.
-    #[error("the object store is full")]
+    #[error("a store is full")]
     Full,
     /// An engine this build does not have.
     #[error("{0} is not supported by this build")]
@@ -78,12 +78,12 @@ impl Storage {
         Ok(Storage { records: Records::open(database_url).await?, blobs: Blobs::open(storage_url)? })
     }
 
-    /// Proves that rows can be read and blobs written.
+    /// Proves that rows can be written and are then there for others, and that blobs can be written.
     ///
     /// # Errors
     /// [`Error`]: they cannot.
     pub async fn check(&self) -> Result<(), Error> {
-        self.records.read(sql("SELECT 1 AS one")).await?;
+        self.records.prove().await?;
         let probe = format!("probes/{}", new_id());
         self.blobs.put(&probe, Bytes::from_static(b"ready")).await?;
         self.blobs.delete(&probe).await

@@ -99,6 +99,7 @@ pub async fn insert(
         known.push(insert_one(&mut transaction, tenant, draft).await?);
     }
     if let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await? {
+        transaction.rollback().await?;
         return Ok(Err(exceeded));
     }
     crash::point("upload.before_commit");

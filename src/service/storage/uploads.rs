@@ -261,9 +261,11 @@ pub async fn insert(
     let insert = insert.bind(new.is_partial.then_some(PARTIAL));
     let rows = transaction.read(insert).await?;
     if let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await? {
+        transaction.rollback().await?;
         return Ok(Err(NoRoom::Quota(exceeded)));
     }
     if unfinished(&mut transaction, tenant).await? > MAX_UNFINISHED {
+        transaction.rollback().await?;
         return Ok(Err(NoRoom::TooMany));
     }
     transaction.commit().await?;
@@ -342,6 +344,7 @@ pub async fn begin(
     if whole.is_some()
         && let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await?
     {
+        transaction.rollback().await?;
         return Ok(Err(exceeded));
     }
     transaction.commit().await?;
@@ -371,11 +374,15 @@ pub async fn add(records: &Records, quota: Quota, addition: &Addition<'_>) -> Re
     let advance = sql(advance).bind(addition.to.cast_signed()).bind(addition.sha256_state).bind(ms(addition.expiry));
     let advance = advance.bind(addition.id).bind(addition.session).bind(addition.from.cast_signed());
     let rows = transaction.read(advance).await?;
-    let Some(row) = rows.first() else { return Ok(Added::Lost) };
+    let Some(row) = rows.first() else {
+        transaction.rollback().await?;
+        return Ok(Added::Lost);
+    };
     // What was announced has had its room since then.
     if row.optional_number("byte_count")?.is_none()
         && let Err(exceeded) = quota.admit_bytes(&mut transaction, addition.tenant).await?
     {
+        transaction.rollback().await?;
         return Ok(Added::NoRoom(exceeded));
     }
     let replaced = sql("DELETE FROM upload_parts WHERE upload_id = $1 AND number = $2");

@@ -98,11 +98,14 @@ pub async fn ping(records: &Records, tenant: &str, webhook: &str) -> Result<Opti
     let hold = "UPDATE webhooks SET url = url WHERE tenant = $1 AND id = $2 AND disabled_why IS NULL \
                 RETURNING {now} AS now_ms";
     let held = transaction.read(sql(hold).bind(tenant).bind(webhook)).await?;
-    let Some(row) = held.first() else { return Ok(None) };
+    let Some(row) = held.first() else {
+        transaction.rollback().await?;
+        return Ok(None);
+    };
     let waiting = sql("SELECT id FROM deliveries WHERE webhook_id = $1 AND event = $2 AND state = 'waiting' LIMIT 1");
     if let Some(waiting) = transaction.read(waiting.bind(webhook).bind(PING)).await?.first() {
         // Nobody waits for a connection while holding one: that may be what all the others wait for.
-        drop(transaction);
+        transaction.rollback().await?;
         return deliveries::get(records, webhook, &waiting.text("id")?).await;
     }
     let body = message(PING, row.number("now_ms")?, serde_json::Map::new())?;

@@ -322,6 +322,12 @@ impl Problem {
             .remedy("Delete jobs and ray sets, or make room.")
     }
 
+    /// The same, told to whoever asks whether the service can work: such probes know no other status than 503.
+    #[must_use]
+    pub fn not_ready(self) -> Problem {
+        Problem { status: StatusCode::SERVICE_UNAVAILABLE.as_u16(), retry_after_s: Some(NonZeroU32::MIN), ..self }
+    }
+
     /// A request that took too long.
     pub fn timeout() -> Problem {
         let detail = "The answer took too long.";

@@ -1,6 +1,11 @@
-//! The database: the only file that names sqlx. Callers write one SQL text for both engines: `$1` for values, and the words
+//! The database: the only folder that names sqlx. Callers write one SQL text for both engines: `$1` for values, and the words
 //! of [`Dialect`] in braces where the engines differ. What else to know of PostgreSQL: `SUM` of a BIGINT is no BIGINT (cast
 //! it), and a type that is not TEXT, BIGINT, DOUBLE PRECISION or BYTEA cannot be read.
+
+/// Connections on loan, and transactions on them.
+mod connection;
+
+pub use connection::Transaction;
 
 use super::Error;
 use sqlx::any::{AnyArguments, AnyPoolOptions, AnyRow};
@@ -11,7 +16,7 @@ use std::borrow::Cow;
 use std::time::Duration;
 
 /// The schema, step by step: number, what it brought, its text. By hand, for `sqlx::migrate!` compiles all of sqlx a second time.
-const MIGRATIONS: [(i64, &str, &str); 10] = [
+const MIGRATIONS: [(i64, &str, &str); 11] = [
     (1, "first", include_str!("../migrations/0001_first.sql")),
     (2, "packed", include_str!("../migrations/0002_packed.sql")),
     (3, "channels", include_str!("../migrations/0003_channels.sql")),
@@ -22,6 +27,7 @@ const MIGRATIONS: [(i64, &str, &str); 10] = [
     (9, "lines", include_str!("../migrations/0009_lines.sql")),
     (10, "push", include_str!("../migrations/0010_push.sql")),
     (11, "concatenation", include_str!("../migrations/0011_concatenation.sql")),
+    (13, "probe", include_str!("../migrations/0013_probe.sql")),
 ];
 
 /// The words that the engines say differently.
@@ -36,6 +42,8 @@ struct Dialect {
     texts: &'static str,
     /// What every new connection is told.
     connection: &'static str,
+    /// How a transaction that will write begins.
+    begin: &'static str,
     /// Whether a connection may be gone when it is next asked for, and is to be tried before.
     can_drop: bool,
     /// Longest wait for a connection; while the database is away, how long a request takes to say so.
@@ -50,6 +58,8 @@ static SQLITE: Dialect = Dialect {
     texts: "SELECT value FROM json_each($1)",
     connection: "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON; \
                  PRAGMA busy_timeout = 10000;",
+    // Waits for whoever writes from another process here, where it can: a transaction that has read before cannot.
+    begin: "BEGIN IMMEDIATE",
     can_drop: false,
     acquire: Duration::from_secs(30),
 };
@@ -61,6 +71,7 @@ static POSTGRES: Dialect = Dialect {
     for_share: "FOR SHARE",
     texts: "SELECT json_array_elements_text(CAST($1 AS JSON))",
     connection: "SET statement_timeout = '30s'; SET idle_in_transaction_session_timeout = '10s';",
+    begin: "BEGIN",
     can_drop: true,
     acquire: Duration::from_secs(5),
 };
@@ -69,6 +80,8 @@ static POSTGRES: Dialect = Dialect {
 const SQLITE_READERS: u32 = 4;
 /// Connections of one process to PostgreSQL, which has 100 by default for all of them.
 const POSTGRES_CONNECTIONS: u32 = 12;
+/// How long the connection of PostgreSQL stays open that only [`Records::prove`] uses.
+const WITNESS_IDLE: Duration = Duration::from_mins(2);
 /// How long a starting process waits for PostgreSQL to start too, and for another's migration to end.
 const POSTGRES_START: Duration = Duration::from_secs(60);
 
@@ -225,6 +238,8 @@ pub struct Records {
     dialect: &'static Dialect,
     writer: AnyPool,
     readers: AnyPool,
+    /// Connections that are never the writer's.
+    witness: AnyPool,
 }
 
 impl Records {
@@ -240,7 +255,7 @@ impl Records {
                 let writer = pool(&SQLITE, 1).connect(url).await?;
                 migrate(&writer).await?;
                 let readers = pool(&SQLITE, SQLITE_READERS).connect(url).await?;
-                Ok(Records { dialect: &SQLITE, writer, readers })
+                Ok(Records { dialect: &SQLITE, writer, witness: readers.clone(), readers })
             }
             "postgres" | "postgresql" => {
                 // A connection without a time limit: the lock of a migration may be long another's.
@@ -249,7 +264,8 @@ impl Records {
                 migrate(&migrator).await?;
                 migrator.close().await;
                 let pool = pool(&POSTGRES, POSTGRES_CONNECTIONS).connect(url).await?;
-                Ok(Records { dialect: &POSTGRES, writer: pool.clone(), readers: pool })
+                let witness = self::pool(&POSTGRES, 1).idle_timeout(WITNESS_IDLE).connect_lazy(url)?;
+                Ok(Records { dialect: &POSTGRES, writer: pool.clone(), readers: pool, witness })
             }
             other => Err(Error::Unsupported(format!("database {other}"))),
         }
@@ -260,7 +276,7 @@ impl Records {
     /// # Errors
     /// The database did not answer.
     pub async fn read(&self, statement: Statement) -> Result<Vec<Row>, Error> {
-        Ok(statement.query(self.dialect).fetch_all(&self.readers).await?.into_iter().map(Row).collect())
+        connection::read(&self.readers, self.dialect, statement).await
     }
 
     /// The one row that a SELECT finds, if any.
@@ -268,7 +284,7 @@ impl Records {
     /// # Errors
     /// The database did not answer.
     pub async fn read_one(&self, statement: Statement) -> Result<Option<Row>, Error> {
-        Ok(statement.query(self.dialect).fetch_optional(&self.readers).await?.map(Row))
+        connection::read_one(&self.readers, self.dialect, statement).await
     }
 
     /// Changes rows, in a transaction of its own; how many.
@@ -276,7 +292,26 @@ impl Records {
     /// # Errors
     /// The database did not answer.
     pub async fn write(&self, statement: Statement) -> Result<u64, Error> {
-        Ok(statement.query(self.dialect).execute(&self.writer).await?.rows_affected())
+        connection::write(&self.writer, self.dialect, statement).await
+    }
+
+    /// Proves that what is written is seen by others: counts on in a row, and reads it through a connection that never writes.
+    ///
+    /// # Errors
+    /// The database did not answer, or what was written is not there for others.
+    pub async fn prove(&self) -> Result<(), Error> {
+        let mut transaction = self.begin().await?;
+        let count = "INSERT INTO probe (id, number) VALUES (1, 1) \
+                     ON CONFLICT (id) DO UPDATE SET number = probe.number + 1 RETURNING number";
+        let written = transaction.read(sql(count)).await?.first().map_or(Ok(0), |row| row.number("number"))?;
+        transaction.commit().await?;
+        let read = sql("SELECT number FROM probe WHERE id = 1");
+        let read = connection::read_one(&self.witness, self.dialect, read).await?;
+        // Another process may have counted on meanwhile.
+        match read.map_or(Ok(0), |row| row.number("number"))? >= written.max(1) {
+            true => Ok(()),
+            false => Err(Error::Records("what is written is not there for other connections".into())),
+        }
     }
 
     /// Begins a transaction; dropped without [`Transaction::commit`], it never was. Its first statement should write.
@@ -284,11 +319,12 @@ impl Records {
     /// # Errors
     /// The database did not answer.
     pub async fn begin(&self) -> Result<Transaction, Error> {
-        Ok(Transaction { dialect: self.dialect, inner: self.writer.begin().await? })
+        Transaction::begin(&self.writer, self.dialect).await
     }
 
     /// Ends every connection, and with them the write-ahead log.
     pub async fn close(&self) {
+        self.witness.close().await;
         self.readers.close().await;
         self.writer.close().await;
     }
@@ -297,6 +333,8 @@ impl Records {
 /// Connections of which each knows its dialect's rules. One that the database dropped is replaced when it is next asked for.
 fn pool(dialect: &'static Dialect, connections: u32) -> AnyPoolOptions {
     let options = AnyPoolOptions::new().max_connections(connections).acquire_timeout(dialect.acquire);
+    // A file does not end its connections. While one is open the others find its shared memory made, also on a full disk.
+    let options = if dialect.can_drop { options } else { options.idle_timeout(None).max_lifetime(None) };
     options.test_before_acquire(dialect.can_drop).after_connect(move |connection, _| {
         Box::pin(async move { connection.execute(dialect.connection).await.map(|_| ()) })
     })
@@ -310,41 +348,17 @@ async fn migrate(pool: &AnyPool) -> Result<(), Error> {
     all.run(pool).await.map_err(|error| Error::Records(Box::new(error)))
 }
 
-/// Several statements, all or none.
-pub struct Transaction {
-    dialect: &'static Dialect,
-    inner: sqlx::Transaction<'static, Any>,
-}
-
-impl Transaction {
-    /// Changes rows; how many.
-    ///
-    /// # Errors
-    /// The database did not answer.
-    pub async fn write(&mut self, statement: Statement) -> Result<u64, Error> {
-        Ok(statement.query(self.dialect).execute(&mut *self.inner).await?.rows_affected())
-    }
-
-    /// The rows that a SELECT finds or a RETURNING gives.
-    ///
-    /// # Errors
-    /// The database did not answer.
-    pub async fn read(&mut self, statement: Statement) -> Result<Vec<Row>, Error> {
-        Ok(statement.query(self.dialect).fetch_all(&mut *self.inner).await?.into_iter().map(Row).collect())
-    }
-
-    /// Makes it so.
-    ///
-    /// # Errors
-    /// The database did not answer: it may or may not be so.
-    pub async fn commit(self) -> Result<(), Error> {
-        Ok(self.inner.commit().await?)
-    }
-}
+/// Codes of a lack of room: `SQLITE_FULL`, `SQLITE_IOERR_SHMSIZE` (the file beside the database could not grow), and PostgreSQL's
+/// `disk_full`.
+const FULL: [&str; 3] = ["13", "4874", "53100"];
 
 impl From<sqlx::Error> for Error {
     fn from(error: sqlx::Error) -> Error {
-        Error::Records(Box::new(error))
+        let code = error.as_database_error().and_then(|error| error.code());
+        match code.is_some_and(|code| FULL.contains(&&*code)) {
+            true => Error::Full,
+            false => Error::Records(Box::new(error)),
+        }
     }
 }
 

@@ -147,12 +147,18 @@ pub async fn claim(records: &Records, longest: Duration) -> Result<Option<Sendin
     let mut transaction = records.begin().await?;
     let claim = sql(claim).bind(ms(longest + SLACK)).bind(OF_AN_ENDPOINT).bind(OF_A_TENANT);
     let claimed = transaction.read(claim).await?;
-    let Some(row) = claimed.first() else { return Ok(None) };
+    let Some(row) = claimed.first() else {
+        transaction.rollback().await?;
+        return Ok(None);
+    };
     let webhook = row.text("webhook_id")?;
     let select = "SELECT url, secret, CASE WHEN old_secret_until_ms > {now} THEN old_secret END AS other_secret \
                   FROM webhooks WHERE id = $1";
     let endpoint = transaction.read(sql(select).bind(webhook.as_str())).await?;
-    let Some(endpoint) = endpoint.first() else { return Ok(None) };
+    let Some(endpoint) = endpoint.first() else {
+        transaction.rollback().await?;
+        return Ok(None);
+    };
     transaction.commit().await?;
     Ok(Some(Sending {
         id: row.text("id")?,
@@ -187,6 +193,7 @@ pub async fn end(records: &Records, sending: &Sending, how: &Attempted, policy: 
     transaction.write(sql(HOLD).bind(sending.webhook.as_str())).await?;
     let ours = "UPDATE deliveries SET lease_until_ms = NULL WHERE id = $1 AND fence = $2 AND state = 'waiting'";
     if transaction.write(sql(ours).bind(sending.id.as_str()).bind(sending.fence)).await? == 0 {
+        transaction.rollback().await?;
         return Ok(false);
     }
     let wait = wait(sending, how, policy);
@@ -270,6 +277,7 @@ pub async fn redeliver(records: &Records, tenant: &str, webhook: &str, id: &str)
     // Not disabled meanwhile: what waits for a disabled endpoint would wait for ever.
     let hold = sql("UPDATE webhooks SET id = id WHERE id = $1 AND tenant = $2 AND disabled_why IS NULL");
     if transaction.write(hold.bind(webhook).bind(tenant)).await? == 0 {
+        transaction.rollback().await?;
         return Ok(false);
     }
     let again = "UPDATE deliveries SET state = 'waiting', attempt = 0, due_ms = {now}, fence = fence + 1, \
