@@ -4,6 +4,7 @@ use super::stores::{self, Stores};
 use super::table::count;
 use super::{Failure, output};
 use crate::service::backup::{self, Error};
+use crate::service::storage;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -48,10 +49,19 @@ impl From<Error> for Failure {
                 "backup.served",
                 "Name a folder of its own with --to: what is served has changes that the copy has not.",
             ),
-            Error::Itself(_) => ("backup.itself", "Name another folder with --to."),
+            Error::Inside { .. } => (
+                "backup.inside",
+                "Name a folder with --to that is outside of the data folder, the database's folder and the blobs.",
+            ),
+            Error::Around { .. } => ("backup.around", "Name a folder with --to that holds nothing else."),
+            Error::Occupied { .. } => (
+                "backup.occupied",
+                "Name an empty folder with --to, or one that an earlier backup was made into and no service was started on.",
+            ),
             Error::Missing(_) => ("backup.missing_blob", "The store is damaged: restore it from an earlier backup."),
             Error::Outrun => ("backup.outrun", "Run it again: what is copied stays, and there is less left."),
             Error::Disk { .. } => ("backup.disk", "Name another folder with --to, or see to its room and permissions."),
+            Error::Storage(storage::Error::Unusable(error)) => (error.code(), error.remedy()),
             Error::Storage(_) => ("backup.stores", "See that --data names the service's data folder."),
         };
         Failure::failed(code, error.to_string(), remedy)

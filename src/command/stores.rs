@@ -2,8 +2,8 @@
 
 use super::Failure;
 use crate::service::Config;
-use crate::service::storage;
 use crate::service::storage::records::Records;
+use crate::service::storage::{self, private};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -36,7 +36,7 @@ impl Stores {
         let config = self.config();
         run(async move {
             let unwritable = |error: std::io::Error| Failure::folder("stores.folder", &config.data, &error);
-            std::fs::create_dir_all(&config.data).map_err(unwritable)?;
+            private::make_folder(&config.data).map_err(unwritable)?;
             if config.database_url.is_none() {
                 // SQLite says only that it cannot open its file.
                 tempfile::tempfile_in(&config.data).map_err(unwritable)?;
@@ -61,6 +61,9 @@ pub fn run<T>(work: impl Future<Output = Result<T, Failure>>) -> Result<T, Failu
 
 impl From<storage::Error> for Failure {
     fn from(error: storage::Error) -> Failure {
+        if let storage::Error::Unusable(error) = &error {
+            return Failure::failed(error.code(), error.to_string(), error.remedy());
+        }
         let remedy = "See that it is the database of the service, that it can be reached, and that its disk has room.";
         Failure::failed("stores.failed", error.to_string(), remedy)
     }

@@ -18,9 +18,12 @@ pub enum Error {
     /// The watcher said that nobody waits any more.
     #[error("cancelled")]
     Cancelled,
-    /// The bytes could not be had.
+    /// The bytes could not be had: what was asked for them failed.
     #[error("the bytes could not be read: {0}")]
     Unreadable(#[from] std::io::Error),
+    /// A fault of this program, whatever the input: a result that cannot be written, a computation that panicked.
+    #[error("a fault of this program: {0}")]
+    Internal(String),
 }
 
 /// What was found, where, and what to do about it.
@@ -155,6 +158,7 @@ impl Error {
             Error::Malformed(fault) | Error::Refused(fault) | Error::Unusable(fault) => fault.code,
             Error::Cancelled => "run.cancelled",
             Error::Unreadable(_) => "bytes.unreadable",
+            Error::Internal(_) => "run.internal",
         }
     }
 }

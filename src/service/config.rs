@@ -5,6 +5,7 @@ use super::connections::Bounds;
 use super::machine;
 use super::outbound;
 use super::pace::Slowest;
+use super::storage::database_file;
 use super::webhooks;
 use crate::pipeline;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -191,8 +192,7 @@ impl Config {
 
     /// The database to open.
     pub fn database_url(&self) -> String {
-        let file = self.data.join("service.db");
-        self.database_url.clone().unwrap_or_else(|| format!("sqlite:{}?mode=rwc", file.display()))
+        self.database_url.clone().unwrap_or_else(|| database_file::url(&self.data.join("service.db")))
     }
 
     /// The object store to open.

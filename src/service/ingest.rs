@@ -49,7 +49,7 @@ pub enum Error {
 impl From<upload::Error> for Error {
     fn from(error: upload::Error) -> Error {
         match error {
-            upload::Error::Truncated(found) => Error::Broken(found),
+            upload::Error::Truncated(found) | upload::Error::Broken(found) => Error::Broken(found),
             upload::Error::Slow(slow) => Error::Slow(slow),
             upload::Error::Storage(error) => Error::Storage(error),
             other => Error::Upload(other),
@@ -112,7 +112,7 @@ impl Ingest {
         let found = self.buckets.iter().find_map(|bucket| Some((bucket, url.strip_prefix(&bucket.begin)?)));
         let (bucket, key) = found.ok_or_else(|| Error::Bucket(url.to_owned()))?;
         let object = bucket.blobs.whole(key).await?.ok_or_else(|| Error::Missing(url.to_owned()))?;
-        let body = object.1.map(|piece| piece.map_err(|error| error.to_string())).boxed();
+        let body = object.1.map(|piece| piece.map_err(|error| broke_off(&error))).boxed();
         Ok(Coming { byte_count: Some(object.0), body })
     }
 }
@@ -138,6 +138,12 @@ impl Coming {
             until(self.body, gone).inspect(move |piece| heard(piece.as_ref().map_or(0, |piece| piece.len() as u64)));
         Ok(intake.take(tenant, announcement, body).await?)
     }
+}
+
+/// What a client is told when a bucket stops in the middle of an object: how the bucket is reached is the operator's business.
+fn broke_off(error: &storage::Error) -> String {
+    tracing::warn!(%error, "an object of a bucket broke off");
+    "the bucket gave only a part of it".to_owned()
 }
 
 /// `body` until `gone`, which is no end of it.

@@ -20,6 +20,8 @@ pub mod priority;
 pub mod tls;
 /// What outlives the process: rows and blobs.
 pub mod storage;
+/// Whose an error is.
+pub mod cause;
 /// Takes connections.
 pub mod connections;
 /// How fast a body must come.
@@ -65,7 +67,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 use storage::space::Space;
-use storage::{Storage, endings, garbage};
+use storage::{Storage, endings, garbage, private};
 use tokio::io::AsyncRead;
 use tokio::net::TcpListener;
 use tokio::sync::Semaphore;
@@ -162,8 +164,7 @@ impl Service {
     /// [`StartError`].
     pub async fn start_with(config: Config, runner: Runner) -> Result<Service, StartError> {
         tls::install();
-        let lock = if config.is_alone() { Some(lock(&config.data)?) } else { None };
-        let storage = Storage::open(&config.database_url(), &config.storage_url()).await?;
+        let (lock, storage) = open(&config).await?;
         // Safe, and of no use to anybody: most likely the keys are elsewhere. Who means it says so.
         let answers_nobody = config.role.answers() && config.asks_for_keys() && !config.auth;
         if answers_nobody && !keys::any(&storage.records).await? {
@@ -174,6 +175,7 @@ impl Service {
         let queue = queue.bounded(config.quota, metrics.clone());
         let memory = Memory::new(config.memory_bytes, metrics.clone());
         let queue = queue.within(memory, config.threads, config.job_timeout);
+        let mut left_alone = 0;
         if lock.is_some() {
             // The lock proves that whoever ran these jobs and wrote these blobs is gone. Where there is none, leases and
             // the age of what lies about say it later.
@@ -181,12 +183,12 @@ impl Service {
             queue.give_up().await?;
             endings::recover(&storage.records).await?;
             deliveries::recover(&storage.records).await?;
-            garbage::collect(&storage, Duration::ZERO).await?;
+            left_alone = garbage::collect(&storage, Duration::ZERO).await?.log_left_alone(left_alone);
         }
         tracing::info!(alone = lock.is_some(), role = ?config.role, "storage opened");
         let (stop, release) = (CancellationToken::new(), CancellationToken::new());
         let mut upkeep = JoinSet::new();
-        upkeep.spawn(until(stop.clone(), collect_garbage(storage.clone(), config.clone())));
+        upkeep.spawn(until(stop.clone(), collect_garbage(storage.clone(), config.clone(), left_alone)));
         upkeep.spawn(until(stop.clone(), retention::keep_up(storage.clone(), queue.clone(), config.retention)));
         let watcher = Watcher::new(config.watchers());
         let watching = watcher.clone().keep_up(storage.records.clone(), queue.changes(), config.poll);
@@ -364,15 +366,14 @@ async fn fault(tasks: &mut JoinSet<()>) -> JoinError {
     }
 }
 
-/// Deletes what no row names, again and again.
-async fn collect_garbage(storage: Storage, config: Config) {
+/// Deletes what no row names, again and again. How much else is in the store was `told` before.
+async fn collect_garbage(storage: Storage, config: Config, mut told: usize) {
     let mut ticker = interval(config.garbage_period());
     ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         ticker.tick().await;
         match garbage::collect(&storage, config.garbage_age).await {
-            Ok(0) => {}
-            Ok(blobs) => tracing::info!(blobs, "deleted blobs that no row names"),
+            Ok(collected) => told = collected.log_left_alone(told),
             Err(error) => tracing::warn!(%error, "cannot look for garbage; trying again later"),
         }
     }
@@ -383,11 +384,24 @@ async fn drained(slots: &mut JoinSet<()>) {
     while slots.join_next().await.is_some() {}
 }
 
+/// Opens the stores; where they belong to one process at a time, with the lock that keeps others out.
+async fn open(config: &Config) -> Result<(Option<File>, Storage), StartError> {
+    let lock = if config.is_alone() { Some(lock(&config.data)?) } else { None };
+    if lock.is_some() {
+        let failed = |error| StartError::Folder { folder: config.data.clone(), error };
+        backup::begin_to_serve(&config.data).map_err(failed)?;
+    }
+    let storage = Storage::open(&config.database_url(), &config.storage_url()).await?;
+    // Not before it is known that they are ours.
+    private::Closed::of_service(&config.data, &config.database_url(), &config.storage_url()).log();
+    Ok((lock, storage))
+}
+
 /// Makes the data folder if need be and locks it for this process.
 fn lock(folder: &Path) -> Result<File, StartError> {
     let failed = |error| StartError::Folder { folder: folder.to_owned(), error };
-    std::fs::create_dir_all(folder).map_err(failed)?;
-    let file = File::create(folder.join("lock")).map_err(failed)?;
+    private::make_folder(folder).map_err(failed)?;
+    let file = private::open_file(&folder.join("lock")).map_err(failed)?;
     match file.try_lock() {
         Ok(()) => Ok(file),
         Err(TryLockError::WouldBlock) => Err(StartError::Locked(folder.to_owned())),

@@ -35,7 +35,7 @@ pub async fn enforce(storage: &Storage, queue: &Queue, retention: &Retention) ->
                 // Somebody else was here, or asked for it again.
                 Err(queue::Error::Missing(_) | queue::Error::State(_)) => {}
                 Err(queue::Error::Storage(error)) => return Err(error),
-                Err(error) => return Err(Error::Records(Box::new(error))),
+                Err(error) => return Err(Error::fault(error)),
             }
         }
     }

@@ -85,7 +85,7 @@ async fn what_a_kill_left_in_the_store_is_swept_and_nothing_else() {
     let before = site.blobs();
     site.kill().await;
     let blobs = site.config.data.join("blobs");
-    for orphan in ["ray-sets/gone/000000".to_owned(), format!("artifacts/{job}/9/0000"), "probes/x".into()] {
+    for orphan in [format!("ray-sets/{GONE}/000000"), format!("artifacts/{job}/9/0000"), format!("probes/{GONE}")] {
         let path = blobs.join(orphan);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         std::fs::write(path, b"orphan").unwrap();
@@ -105,15 +105,16 @@ async fn garbage_is_what_no_row_names_nobody_writes_and_no_attempt_may_publish()
     site.until_state(&job, "running").await;
     let storage = Storage::open(&site.config.database_url(), &site.config.storage_url()).await.unwrap();
     let at_hand = format!("artifacts/{job}/1/0000");
-    for blob in ["ray-sets/gone/000000", &format!("artifacts/{job}/0/0000"), &at_hand] {
-        storage.blobs.put(blob, "bytes".into()).await.unwrap();
+    for blob in [format!("ray-sets/{GONE}/000000"), format!("artifacts/{job}/0/0000"), at_hand.clone()] {
+        storage.blobs.put(&blob, "bytes".into()).await.unwrap();
     }
-    assert_eq!(garbage::collect(&storage, Duration::from_secs(3600)).await.unwrap(), 0, "too young to tell");
-    assert_eq!(garbage::collect(&storage, Duration::ZERO).await.unwrap(), 2);
+    let collect = async |age| garbage::collect(&storage, age).await.unwrap().deleted.len();
+    assert_eq!(collect(Duration::from_secs(3600)).await, 0, "too young to tell");
+    assert_eq!(collect(Duration::ZERO).await, 2);
     assert_eq!(site.blobs(), [at_hand, format!("ray-sets/{ray_set}/000000")]);
     gate.open();
     site.until_state(&job, "succeeded").await;
-    assert_eq!(garbage::collect(&storage, Duration::ZERO).await.unwrap(), 0);
+    assert_eq!(collect(Duration::ZERO).await, 0);
     assert_eq!(site.blobs().len(), 1 + 4);
 }
 
@@ -164,10 +165,16 @@ async fn a_panic_fails_its_job_only() {
         let job = site.job(&ray_set).await;
         let failed = site.until_state(&job, "failed").await;
         assert_eq!(failed["problem"]["code"], "job.panicked");
-        assert!(failed["problem"]["detail"].as_str().unwrap().contains("index 7 of 3"));
+        assert!(
+            !failed["problem"].to_string().contains("index 7 of 3"),
+            "what a fault of ours was is for the log: {failed}"
+        );
         assert_eq!(failed["attempt"], 1);
     }
 }
+
+/// The id of a ray set that nobody knows.
+const GONE: &str = "01890000-0000-7000-8000-000000000000";
 
 fn unreadable() -> Error {
     Error::Unreadable(std::io::Error::other("connection reset"))

@@ -64,6 +64,8 @@ mod webhooks;
 mod ingest;
 /// Random changes of jobs beside a model of them.
 mod model;
+/// What a disk is trusted with.
+mod keeping;
 /// What processes and stores do to jobs.
 mod faults;
 /// A database without room.

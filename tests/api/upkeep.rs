@@ -202,14 +202,14 @@ async fn a_backup_replaces_nothing_that_is_served_and_not_what_it_copies() {
     }
     let ray_set = site.ray_set().await;
     let data = site.config.data.clone();
-    assert!(matches!(backup(&site.config, &data).await, Err(backup::Error::Served(_))));
+    assert!(matches!(backup(&site.config, &data).await, Err(backup::Error::Inside { .. })));
     let elsewhere = Config { data: site.folder.path().join("other"), ..site.config.clone() };
     let copied = backup(&site.config, &elsewhere.data).await.unwrap();
     let other = Service::start_with(elsewhere.clone(), prompt()).await.unwrap();
     assert!(matches!(backup(&site.config, &elsewhere.data).await, Err(backup::Error::Served(_))));
     drop(other);
     site.kill().await;
-    assert!(matches!(backup(&site.config, &data).await, Err(backup::Error::Itself(_))));
+    assert!(matches!(backup(&site.config, &data).await, Err(backup::Error::Inside { .. })));
     site.restart(prompt()).await;
     assert_eq!((copied.blobs, site.get(&format!("/v1/ray-sets/{ray_set}")).await.status), (1, StatusCode::OK));
 }

@@ -11,6 +11,9 @@ mod packing;
 mod rays;
 #[cfg(test)]
 mod server;
+/// The data folder, and what is none.
+#[cfg(test)]
+mod disk;
 /// What means harm.
 #[cfg(test)]
 mod hostile;

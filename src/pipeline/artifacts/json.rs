@@ -8,13 +8,18 @@ use std::io;
 /// `value` as a JSON document with a line end.
 ///
 /// # Errors
-/// [`Error::Unreadable`] when a number of the model is not finite: JSON has no word for it.
+/// [`Error::Internal`] when a number of the model is not finite: JSON has no word for it.
 pub fn document<T: Serialize>(value: &T) -> Result<Vec<u8>, Error> {
     let mut bytes = Vec::new();
     let mut serializer = Serializer::with_formatter(&mut bytes, Legible::default());
-    value.serialize(&mut serializer).map_err(io::Error::from)?;
+    value.serialize(&mut serializer).map_err(unwritten)?;
     bytes.push(b'\n');
     Ok(bytes)
+}
+
+/// A result that cannot be written.
+pub fn unwritten(error: impl std::error::Error) -> Error {
+    Error::Internal(format!("a result cannot be written: {error}"))
 }
 
 /// Breaks lines in objects only.

@@ -86,7 +86,7 @@ pub struct Artifact {
 /// All files of a model, in the order of the zip: the page that explains the others first.
 ///
 /// # Errors
-/// [`Error::Cancelled`]; [`Error::Refused`] and [`Error::Unreadable`] as [`gltf::artifact`].
+/// [`Error::Cancelled`]; [`Error::Refused`] and [`Error::Internal`] as [`gltf::artifact`].
 pub fn write(model: &Model, options: &RunOptions, watch: StageWatch<'_>) -> Result<Vec<Artifact>, Error> {
     let mut artifacts = vec![gltf::artifact(model, options)?];
     watch.step(0.3)?;
@@ -128,7 +128,7 @@ pub fn notices(model: &Model) -> Notices {
 /// The one zip of everything: files in order, deflated, dated 1980-01-01.
 ///
 /// # Errors
-/// [`Error::Unreadable`] when the archive cannot be written (not from memory).
+/// [`Error::Internal`] when the archive cannot be written.
 pub fn zip(artifacts: &[Artifact]) -> Result<Vec<u8>, Error> {
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
@@ -137,10 +137,10 @@ pub fn zip(artifacts: &[Artifact]) -> Result<Vec<u8>, Error> {
     let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
     for artifact in artifacts {
         let options = options.large_file(u32::try_from(artifact.bytes.len()).is_err());
-        archive.start_file(artifact.name.as_str(), options).map_err(std::io::Error::other)?;
-        archive.write_all(&artifact.bytes)?;
+        archive.start_file(artifact.name.as_str(), options).map_err(json::unwritten)?;
+        archive.write_all(&artifact.bytes).map_err(json::unwritten)?;
     }
-    Ok(archive.finish().map_err(std::io::Error::other)?.into_inner())
+    Ok(archive.finish().map_err(json::unwritten)?.into_inner())
 }
 
 #[cfg(test)]
@@ -285,7 +285,7 @@ mod tests {
         let mut model = fixture::model();
         model.goniograms.total.radiant_w_per_sr.as_mut().unwrap()[7] = f64::NAN;
         let watch = StageWatch::enter(&Unwatched, Stage::Artifacts).unwrap();
-        assert!(matches!(write(&model, &RunOptions::default(), watch), Err(Error::Unreadable(_))));
+        assert!(matches!(write(&model, &RunOptions::default(), watch), Err(Error::Internal(_))));
     }
 
     #[test]

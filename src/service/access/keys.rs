@@ -186,7 +186,7 @@ fn digest(secret: &str) -> String {
 /// The system has no randomness.
 pub fn random<const N: usize>() -> Result<[u8; N], Error> {
     let mut bytes = [0; N];
-    getrandom::fill(&mut bytes).map_err(|error| Error::Records(error.to_string().into()))?;
+    getrandom::fill(&mut bytes).map_err(|error| Error::fault(error.to_string()))?;
     Ok(bytes)
 }
 

@@ -137,7 +137,10 @@ fn has_nul(part: Option<&str>) -> bool {
 pub async fn bytes_up_to(body: axum::body::Body, limit: usize) -> Result<bytes::Bytes, Problem> {
     to_bytes(body, limit).await.map_err(|error| match is_length_limit(&error) {
         true => Problem::body_too_large(limit as u64),
-        false => Problem::body_truncated(&error.to_string()),
+        false => {
+            tracing::debug!(%error, "a body broke off");
+            Problem::body_truncated()
+        }
     })
 }
 

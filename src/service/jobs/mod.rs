@@ -145,14 +145,64 @@ impl Failure {
         }
     }
 
-    /// The computation hit a fault of ours.
-    pub fn panicked(message: &str) -> Failure {
+    /// The computation panicked.
+    pub fn panicked() -> Failure {
+        Failure { code: "job.panicked".into(), ..Failure::internal() }
+    }
+
+    /// A fault of ours: what it was is in the log, not here.
+    pub fn internal() -> Failure {
         Failure {
-            code: "job.panicked".into(),
+            code: "run.internal".into(),
             title: "The computation hit a fault of ours".into(),
-            detail: format!("It stopped with: {message}"),
+            detail: "The service met a fault of its own while it computed this job; its log says which.".into(),
             at: None,
-            remedy: Some("Report it, with this ray set if it can be shared.".into()),
+            remedy: Some("Report it with the id of this job, and with its ray sets if they can be shared.".into()),
+        }
+    }
+
+    /// A store did not give the bytes that a job needs, at any attempt.
+    pub fn store_away() -> Failure {
+        Failure {
+            code: "bytes.unreadable".into(),
+            title: "The stored bytes could not be read".into(),
+            detail: "The store of the service did not answer when this job needed it.".into(),
+            at: None,
+            remedy: Some("Submit it again later; the service's log says what the store answered.".into()),
+        }
+    }
+
+    /// The store no longer has the bytes of `whose`.
+    pub fn blob_missing(whose: &str) -> Failure {
+        Failure {
+            code: "storage.blob_missing".into(),
+            title: "Stored bytes are missing".into(),
+            detail: format!("The store of the service no longer has the bytes of {whose}."),
+            at: None,
+            remedy: Some(
+                "Send the file again and submit a new job; tell the operator, whose log names what is missing.".into(),
+            ),
+        }
+    }
+
+    /// The store has fewer bytes of `whose` than it took in.
+    pub fn blob_damaged(whose: &str) -> Failure {
+        Failure {
+            code: "storage.blob_damaged".into(),
+            title: "Stored bytes are damaged".into(),
+            detail: format!("The store of the service has fewer bytes of {whose} than it took in."),
+            ..Failure::blob_missing(whose)
+        }
+    }
+
+    /// It saw that nobody wants it.
+    pub fn stopped() -> Failure {
+        Failure {
+            code: pipeline::Error::Cancelled.code().into(),
+            title: "The job was stopped".into(),
+            detail: "The computation was told to stop.".into(),
+            at: None,
+            remedy: Some("Submit it again.".into()),
         }
     }
 
@@ -200,43 +250,24 @@ impl Failure {
     }
 
     /// A stored job that this version cannot read.
-    pub fn unreadable_job(detail: impl Into<String>) -> Failure {
+    pub fn unreadable_job() -> Failure {
         Failure {
             code: "job.unreadable".into(),
             title: "The stored job cannot be read".into(),
-            detail: detail.into(),
+            detail: "This version of the service cannot read what an earlier one has stored of the job.".into(),
             at: None,
             remedy: Some("Submit it again.".into()),
         }
     }
 
-    fn of(title: &str, fault: &Fault) -> Failure {
+    /// What is wrong with the file or the request, in full.
+    pub(super) fn of(title: &str, fault: &Fault) -> Failure {
         Failure {
             code: fault.code.into(),
             title: title.into(),
             detail: fault.found.clone(),
             at: fault.at.as_ref().map(ToString::to_string),
             remedy: Some(fault.remedy.clone()),
-        }
-    }
-}
-
-impl From<&pipeline::Error> for Failure {
-    fn from(error: &pipeline::Error) -> Failure {
-        use pipeline::Error;
-        let bare = |title: &str, remedy: &str| Failure {
-            code: error.code().into(),
-            title: title.into(),
-            detail: error.to_string(),
-            at: None,
-            remedy: Some(remedy.into()),
-        };
-        match error {
-            Error::Malformed(fault) => Failure::of("The file is malformed", fault),
-            Error::Refused(fault) => Failure::of("The file is refused", fault),
-            Error::Unusable(fault) => Failure::of("What was asked for cannot be used", fault),
-            Error::Cancelled => bare("The job was stopped", "Submit it again."),
-            Error::Unreadable(_) => bare("The stored bytes could not be read", "Try again; see the service's log."),
         }
     }
 }

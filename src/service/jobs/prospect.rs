@@ -125,5 +125,5 @@ fn digest<'a>(known: &'a [Known], options: &'a pipeline::Options) -> Result<Stri
 }
 
 fn unreadable(error: serde_json::Error) -> storage::Error {
-    storage::Error::Records(Box::new(error))
+    storage::Error::fault(error)
 }

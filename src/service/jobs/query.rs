@@ -223,7 +223,7 @@ pub async fn standings(records: &Records, ids: &[String]) -> Result<HashMap<Stri
                   (SELECT id, ROW_NUMBER() OVER (PARTITION BY tenant ORDER BY priority, id) AS position \
                    FROM jobs WHERE state = 'queued') waiting \
                   ON waiting.id = jobs.id WHERE jobs.id IN ({texts})";
-    let list = serde_json::to_string(ids).map_err(|error| Error::Records(Box::new(error)))?;
+    let list = serde_json::to_string(ids).map_err(Error::fault)?;
     let mut standings = HashMap::new();
     for row in records.read(sql(select).bind(list)).await? {
         standings.insert(row.text("id")?, standing(&row)?);
@@ -233,7 +233,7 @@ pub async fn standings(records: &Records, ids: &[String]) -> Result<HashMap<Stri
 
 fn standing(row: &Row) -> Result<Standing, Error> {
     let state = row.text("state")?;
-    let state = State::parse(&state).ok_or_else(|| Error::Records(format!("job state {state:?}").into()))?;
+    let state = State::parse(&state).ok_or_else(|| Error::fault(format!("job state {state:?}")))?;
     let stage = row.optional_text("stage")?;
     Ok(Standing {
         state,
@@ -256,7 +256,7 @@ pub async fn channels(records: &Records, id: &str) -> Result<Vec<Channel>, Error
 fn channel(row: &Row) -> Result<Channel, Error> {
     let mut fields: serde_json::Map<String, serde_json::Value> = stored(&row.text("declared")?)?;
     fields.insert("ray_set".to_owned(), row.text("ray_set_id")?.into());
-    serde_json::from_value(fields.into()).map_err(|error| Error::Records(Box::new(error)))
+    serde_json::from_value(fields.into()).map_err(Error::fault)
 }
 
 /// The total flux of a job's source, of which its channels have shares.
@@ -323,7 +323,7 @@ fn artifact(row: &Row) -> Result<StoredArtifact, Error> {
 }
 
 fn stored<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, Error> {
-    serde_json::from_str(text).map_err(|error| Error::Records(Box::new(error)))
+    serde_json::from_str(text).map_err(Error::fault)
 }
 
 /// What waits and what runs, in all processes together.

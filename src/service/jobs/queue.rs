@@ -365,7 +365,7 @@ fn back_off_ms(lease_ms: i64, claim: &Claim) -> i64 {
 /// # Errors
 /// Never in practice: keys are text.
 pub(super) fn json<T: serde::Serialize + ?Sized>(value: &T) -> Result<String, storage::Error> {
-    serde_json::to_string(value).map_err(|error| storage::Error::Records(Box::new(error)))
+    serde_json::to_string(value).map_err(storage::Error::fault)
 }
 
 #[cfg(test)]

@@ -236,7 +236,7 @@ async fn insert_channel(
 
 /// What was declared of a channel, as its row has it: the ray set is a column of its own.
 fn declared(channel: &Channel) -> Result<String, storage::Error> {
-    let mut declared = serde_json::to_value(channel).map_err(|error| storage::Error::Records(Box::new(error)))?;
+    let mut declared = serde_json::to_value(channel).map_err(storage::Error::fault)?;
     if let Some(fields) = declared.as_object_mut() {
         fields.remove("ray_set");
     }

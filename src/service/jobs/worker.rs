@@ -1,5 +1,6 @@
 //! Takes jobs from the queue and computes them: the only caller of [`pipeline::run`], on threads that serve nobody else.
 
+use super::super::cause::Cause;
 use super::super::crash;
 use super::super::hex::hex;
 use super::super::metrics::Metrics;
@@ -167,7 +168,7 @@ impl Worker {
             }
             (Ending::Unread(failure), _) => self.retry(claim, failure).await,
             (Ending::Stopped, Order::None) => {
-                let failure = Failure::from(&pipeline::Error::Cancelled);
+                let failure = Failure::stopped();
                 self.insist("fail", || self.queue.fail(claim, &failure)).await;
                 "failed"
             }
@@ -189,7 +190,6 @@ impl Worker {
 
     /// Puts the job back for a later attempt, or fails it when this was its last.
     async fn retry(&self, claim: &Claim, failure: &Failure) -> &'static str {
-        tracing::warn!(job = claim.id, attempt = claim.attempt, reason = failure.detail, "a store did not answer");
         if self.insist("retry", || self.queue.retry(claim)).await {
             return "put back";
         }
@@ -229,16 +229,18 @@ impl Worker {
     async fn work(&self, claim: &Claim, pool: Arc<ThreadPool>, progress: Arc<Progress>) -> Ending {
         let options: JobOptions = match serde_json::from_str(&claim.options) {
             Ok(options) => options,
-            Err(error) => return Ending::Failed(Failure::unreadable_job(error.to_string())),
+            Err(error) => {
+                tracing::error!(job = claim.id, %error, "a stored job cannot be read");
+                return Ending::Failed(Failure::unreadable_job());
+            }
         };
         let mut options = match options.resolve() {
             Ok(options) => options,
-            Err(error) => return Ending::Failed(Failure::from(&error)),
+            Err(error) => return failed(claim, &error),
         };
         let inputs = match self.inputs(claim, &mut options).await {
             Ok(inputs) => inputs,
-            Err(error @ pipeline::Error::Unreadable(_)) => return Ending::Unread(Failure::from(&error)),
-            Err(error) => return Ending::Failed(Failure::from(&error)),
+            Err(error) => return failed(claim, &error),
         };
         let (runner, limits, watch) = (Arc::clone(&self.runner), self.limits, Arc::clone(&progress));
         let run = move || {
@@ -248,11 +250,12 @@ impl Worker {
         };
         match priority::compute("pipeline", run).await {
             Ok(Ok((product, digests))) => self.publish(claim, product, digests, &progress).await,
-            Ok(Err(pipeline::Error::Cancelled)) => Ending::Stopped,
-            Ok(Err(error @ pipeline::Error::Unreadable(_))) => Ending::Unread(Failure::from(&error)),
-            Ok(Err(error)) => Ending::Failed(Failure::from(&error)),
-            Err(Lost::Panicked(message)) => Ending::Failed(Failure::panicked(&message)),
-            Err(Lost::NoThread(error)) => Ending::Unread(Failure::from(&pipeline::Error::Unreadable(error))),
+            Ok(Err(error)) => failed(claim, &error),
+            Err(Lost::Panicked(message)) => {
+                tracing::error!(job = claim.id, panic = message, "a computation panicked");
+                Ending::Failed(Failure::panicked())
+            }
+            Err(lost @ Lost::NoThread(_)) => failed(claim, &lost.into()),
         }
     }
 
@@ -278,7 +281,7 @@ impl Worker {
         channel: &Channel,
     ) -> Result<(RaySet, Vec<Part>, Option<Vec<(f64, f64)>>), storage::Error> {
         let (records, tenant) = (&self.storage.records, claim.tenant.as_str());
-        let missing = |what: &str, id: &str| storage::Error::Records(format!("{what} {id} is gone").into());
+        let missing = |what: &str, id: &str| storage::Error::fault(format!("{what} {id} is gone"));
         let id = &channel.ray_set;
         let ray_set = ray_sets::get(records, tenant, id).await?.ok_or_else(|| missing("ray set", id))?;
         let parts = ray_sets::parts(records, id).await?;
@@ -320,6 +323,10 @@ impl Worker {
         loop {
             match ask().await {
                 Ok(done) => return done,
+                Err(error) if Cause::from(&error) == Cause::Ours => {
+                    tracing::error!(what, %error, "the database refuses; the job is left until its lease ends");
+                    return false;
+                }
                 Err(error) => tracing::error!(what, %error, "the database does not answer; trying again"),
             }
             sleep(self.beat).await;
@@ -329,6 +336,23 @@ impl Worker {
     async fn forget(&self, claim: &Claim) {
         if let Err(error) = self.storage.blobs.delete_all(&claim.folder()).await {
             tracing::warn!(job = claim.id, %error, "blobs of an unpublished attempt stay until they are swept");
+        }
+    }
+}
+
+/// How an attempt ends that met this error: what is not the input's is logged here, for no client hears of it.
+fn failed(claim: &Claim, error: &pipeline::Error) -> Ending {
+    let (job, attempt, failure) = (&claim.id, claim.attempt, Failure::from(error));
+    match Cause::from(error) {
+        Cause::Input => Ending::Failed(failure),
+        Cause::Stopped => Ending::Stopped,
+        Cause::StoreAway => {
+            tracing::warn!(job, attempt, %error, "a store did not answer");
+            Ending::Unread(failure)
+        }
+        Cause::StoreDamaged | Cause::Ours => {
+            tracing::error!(job, attempt, code = failure.code, %error, "a job fails by no fault of its input");
+            Ending::Failed(failure)
         }
     }
 }

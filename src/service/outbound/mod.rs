@@ -231,13 +231,39 @@ fn unreachable(error: reqwest::Error) -> Error {
     Error::Unreachable(sentence(&error))
 }
 
-/// The last and most particular reason; the address is the caller's to tell.
+/// Why nothing came, in words of ours: what libraries and the system say may tell of this machine. That is in the log.
 fn sentence(error: &reqwest::Error) -> String {
-    let mut cause: &dyn std::error::Error = error;
-    while let Some(inner) = cause.source() {
-        cause = inner;
+    tracing::debug!(?error, "a request to elsewhere failed");
+    let mut cause: Option<&(dyn std::error::Error + 'static)> = Some(error);
+    let mut words = None;
+    // The last and most particular reason counts.
+    while let Some(inner) = cause {
+        let io = inner.downcast_ref::<io::Error>();
+        let wrapped = io.and_then(io::Error::get_ref).and_then(|inner| tls::words(inner));
+        words = wrapped.or_else(|| tls::words(inner)).or_else(|| io.and_then(|io| spoken(io.kind()))).or(words);
+        cause = inner.source();
     }
-    cause.to_string()
+    let unknown = match (error.is_timeout(), error.is_connect()) {
+        (true, _) => "there was no answer in time",
+        (false, true) => "no connection could be made",
+        (false, false) => "the answer broke off",
+    };
+    words.unwrap_or(unknown).to_owned()
+}
+
+/// What became of a connection.
+fn spoken(kind: io::ErrorKind) -> Option<&'static str> {
+    use io::ErrorKind::{
+        BrokenPipe, ConnectionAborted, ConnectionRefused, ConnectionReset, HostUnreachable, NetworkDown,
+        NetworkUnreachable, TimedOut, UnexpectedEof,
+    };
+    match kind {
+        ConnectionRefused => Some("the connection was refused"),
+        BrokenPipe | ConnectionAborted | ConnectionReset | UnexpectedEof => Some("the connection broke off"),
+        HostUnreachable | NetworkDown | NetworkUnreachable => Some("its network cannot be reached"),
+        TimedOut => Some("there was no answer in time"),
+        _ => None,
+    }
 }
 
 /// The host of an address as it is written, and as an address where it is one.
@@ -279,7 +305,10 @@ impl Resolve for Guard {
         let guard = self.clone();
         Box::pin(async move {
             let host = name.as_str().to_owned();
-            let found = (guard.lookup)(host.clone()).await?;
+            let found = (guard.lookup)(host.clone()).await.map_err(|error| {
+                tracing::debug!(host, %error, "a name cannot be looked up");
+                Error::Unreachable(format!("the name {host} cannot be looked up"))
+            })?;
             // One bad address among good ones is no accident.
             for address in &found {
                 guard.admit(&host, *address)?;
@@ -379,5 +408,34 @@ mod tests {
         assert_eq!(pieces, [Ok(Bytes::from_static(b"rays"))]);
         assert!(request.to_ascii_lowercase().contains(&format!("host: rays.example:{port}")), "{request}");
         assert_eq!(*asked.lock().unwrap(), ["rays.example"]);
+    }
+
+    #[tokio::test]
+    async fn why_nothing_came_is_said_in_our_words_and_not_in_the_systems() {
+        let said = async |outbound: &Outbound, url: String| outbound.get(&url).await.err().unwrap().to_string();
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let port = listener.local_addr().unwrap().port();
+        let (outbound, _) = scripted(&[&["127.0.0.1"]], &["127.0.0.0/8", "rays.example"]);
+        // Plain HTTP where TLS is expected, and a connection that ends before it says anything.
+        for (scheme, answer, words) in [
+            ("https", b"HTTP/1.1 400 Bad Request\r\n\r\n".as_slice(), "no TLS connection could be made"),
+            ("http", b"", "the connection broke off"),
+        ] {
+            let served = async {
+                let (mut stream, _) = listener.accept().await.unwrap();
+                let mut request = vec![0; 1024];
+                let _ = stream.read(&mut request).await;
+                let _ = stream.write_all(answer).await;
+            };
+            let (told, ()) = tokio::join!(said(&outbound, format!("{scheme}://rays.example:{port}/")), served);
+            assert_eq!(told, words, "{scheme}");
+        }
+        drop(listener);
+        assert_eq!(said(&outbound, format!("http://rays.example:{port}/")).await, "the connection was refused");
+        let unknown: Lookup =
+            Arc::new(|_| Box::pin(async { Err(io::Error::other("resolver 10.1.2.3 in /etc/resolv.conf failed")) }));
+        let outbound = Outbound::with(Guard { exceptions: Arc::new([]), lookup: unknown });
+        let told = said(&outbound, "https://rays.example/".into()).await;
+        assert_eq!(told, "the name rays.example cannot be looked up");
     }
 }

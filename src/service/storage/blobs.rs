@@ -2,7 +2,7 @@
 //! `ray-sets/<ray set>/<part>` and `artifacts/<job>/<fence>/<name>`.
 
 use super::super::tls;
-use super::Error;
+use super::{Error, private};
 use bytes::Bytes;
 use futures::stream::BoxStream;
 use futures::{StreamExt, TryStreamExt};
@@ -19,11 +19,15 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 use tokio::task::spawn_blocking;
+use tokio::time::timeout;
 
 /// How long S3 is asked again for one request. A worker's own retries begin after it, and a client hears of it.
 const S3_PATIENCE: Duration = Duration::from_secs(15);
 /// Longest time for one request, the transfer of a part over a slow line included.
 const S3_TIMEOUT: &str = "120 seconds";
+
+/// How long it may take to see why a blob could not be read.
+const LOOK: Duration = Duration::from_secs(3);
 
 /// The store. Cheap to clone.
 #[derive(Clone)]
@@ -59,7 +63,7 @@ impl Blobs {
     }
 
     fn open_folder(folder: PathBuf) -> Result<Blobs, Error> {
-        std::fs::create_dir_all(&folder).map_err(|error| Error::Blobs(Box::new(error)))?;
+        private::make_folder(&folder).map_err(|error| Error::Blobs(Box::new(error)))?;
         // A row that names a blob must not outlive it in a power cut: off by default in this library.
         let store = LocalFileSystem::new_with_prefix(&folder)?.with_fsync(true).with_automatic_cleanup(true);
         Ok(Blobs { store: Arc::new(store), folder: Some(folder) })
@@ -92,6 +96,11 @@ impl Blobs {
     /// [`Error::Full`]; the store did not answer.
     pub async fn put(&self, key: &str, bytes: Bytes) -> Result<(), Error> {
         self.store.put(&Path::from(key), bytes.into()).await?;
+        if let Some(folder) = self.folder.clone() {
+            let file = folder.join(key);
+            // The store knows no modes. A disk without any is no reason to lose what was written: the start has told of it.
+            let _ = spawn_blocking(move || private::close_written(&folder, &file)).await;
+        }
         Ok(())
     }
 
@@ -103,9 +112,28 @@ impl Blobs {
     /// Bytes `range` of a blob.
     ///
     /// # Errors
-    /// The store did not answer, or has no such blob or range.
+    /// [`Error::MissingBlob`], [`Error::DamagedBlob`]; the store did not answer.
     pub async fn read(&self, key: &str, range: Range<u64>) -> Result<Bytes, Error> {
-        Ok(self.store.get_range(&Path::from(key), range).await?)
+        let expected = range.end;
+        match self.store.get_range(&Path::from(key), range.clone()).await {
+            Ok(bytes) if bytes.len() as u64 == range.end - range.start => Ok(bytes),
+            Ok(_) => Err(self.why(key, expected, None).await),
+            Err(error) => Err(self.why(key, expected, Some(error)).await),
+        }
+    }
+
+    /// Why the bytes up to `expected` of a blob could not be had: what the blob lacks, or else what the store said.
+    async fn why(&self, key: &str, expected: u64, said: Option<object_store::Error>) -> Error {
+        let path = Path::from(key);
+        // A store that does not answer has said so for long enough.
+        match (timeout(LOOK, self.store.head(&path)).await, said) {
+            (Ok(Err(object_store::Error::NotFound { .. })), _) => Error::MissingBlob(key.to_owned()),
+            (Ok(Ok(found)), _) if found.size < expected => {
+                Error::DamagedBlob { blob: key.to_owned(), found: found.size, expected }
+            }
+            (_, Some(said)) => said.into(),
+            (_, None) => Error::Blobs("the store gave fewer bytes than were asked for".into()),
+        }
     }
 
     /// Bytes `range` of a blob, as they come.
@@ -121,8 +149,13 @@ impl Blobs {
         if range.is_empty() {
             return Ok(futures::stream::empty().boxed());
         }
-        let options = GetOptions { range: Some(GetRange::Bounded(range)), ..GetOptions::default() };
-        Ok(self.store.get_opts(&Path::from(key), options).await?.into_stream().map_err(Error::from).boxed())
+        let expected = range.end;
+        let options = GetOptions { range: Some(GetRange::Bounded(range.clone())), ..GetOptions::default() };
+        match self.store.get_opts(&Path::from(key), options).await {
+            Ok(found) if found.range == range => Ok(found.into_stream().map_err(Error::from).boxed()),
+            Ok(_) => Err(self.why(key, expected, None).await),
+            Err(error) => Err(self.why(key, expected, Some(error)).await),
+        }
     }
 
     /// A whole object that somebody else has written, its length and its bytes as they come; `None` when there is none.
@@ -150,6 +183,17 @@ impl Blobs {
         }
     }
 
+    /// What lies beside `folders` at the top of the store: names, as far as the store can tell them.
+    ///
+    /// # Errors
+    /// The store did not answer, or holds a name that is no key.
+    pub async fn beside(&self, folders: &[&str]) -> Result<Vec<String>, Error> {
+        let top = self.store.list_with_delimiter(None).await?;
+        let objects = top.objects.into_iter().map(|object| object.location);
+        let names = top.common_prefixes.into_iter().chain(objects).map(|path| path.to_string());
+        Ok(names.filter(|name| !folders.contains(&name.as_str())).collect())
+    }
+
     /// Every key that starts with the folder `prefix`.
     ///
     /// # Errors
@@ -165,14 +209,17 @@ impl Blobs {
     }
 
     /// Deletes what the local store was writing when its process was killed: `<key>#<number>`, which it does not list. Only
-    /// what is older than `age`; 0 is only right while nobody writes. How many.
+    /// what is older than `age`, 0 being right only while nobody writes, and only where `is_ours` says so of the key. Their names.
     ///
     /// # Errors
     /// The folder cannot be walked.
-    pub async fn delete_unfinished(&self, age: Duration) -> Result<usize, Error> {
-        let Some(folder) = self.folder.clone() else { return Ok(0) };
-        let deleted = spawn_blocking(move || delete_unfinished_in(&folder, age)).await;
-        deleted.map_err(|error| Error::Blobs(Box::new(error)))?.map_err(|error| Error::Blobs(Box::new(error)))
+    pub async fn delete_unfinished(&self, age: Duration, is_ours: fn(&str) -> bool) -> Result<Vec<String>, Error> {
+        let Some(folder) = self.folder.clone() else { return Ok(Vec::new()) };
+        let deleted = spawn_blocking(move || {
+            let mut deleted = Vec::new();
+            delete_unfinished_in(&folder, "", age, is_ours, &mut deleted).map(|()| deleted)
+        });
+        deleted.await.map_err(|error| Error::Blobs(Box::new(error)))?.map_err(|error| Error::Blobs(Box::new(error)))
     }
 
     /// Deletes every blob in the folder `prefix`.
@@ -210,20 +257,33 @@ fn is_loopback(endpoint: &str) -> bool {
     host == "localhost" || host.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback())
 }
 
-fn delete_unfinished_in(folder: &std::path::Path, age: Duration) -> io::Result<usize> {
-    let mut deleted = 0;
+/// `place` is the folder's own key, with a `/` behind it unless it is the top.
+fn delete_unfinished_in(
+    folder: &std::path::Path,
+    place: &str,
+    age: Duration,
+    is_ours: fn(&str) -> bool,
+    deleted: &mut Vec<String>,
+) -> io::Result<()> {
     for entry in std::fs::read_dir(folder)? {
         let entry = entry?;
+        // A name that is no text is not ours.
+        let Ok(name) = entry.file_name().into_string() else { continue };
+        let key = format!("{place}{name}");
         if entry.file_type()?.is_dir() {
-            deleted += delete_unfinished_in(&entry.path(), age)?;
-        } else if entry.file_name().to_string_lossy().contains('#')
-            && entry.metadata()?.modified()?.elapsed().unwrap_or_default() >= age
-        {
+            delete_unfinished_in(&entry.path(), &format!("{key}/"), age, is_ours, deleted)?;
+        } else if is_unfinished(&key, is_ours) && entry.metadata()?.modified()?.elapsed().unwrap_or_default() >= age {
             std::fs::remove_file(entry.path())?;
-            deleted += 1;
+            deleted.push(key);
         }
     }
-    Ok(deleted)
+    Ok(())
+}
+
+/// Whether the local store gives this name to a key of ours while it writes it.
+fn is_unfinished(name: &str, is_ours: fn(&str) -> bool) -> bool {
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    name.rsplit_once('#').is_some_and(|(key, number)| is_number(number) && is_ours(key))
 }
 
 impl From<object_store::Error> for Error {

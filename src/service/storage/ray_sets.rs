@@ -63,7 +63,7 @@ pub enum Deletion {
 }
 
 pub(super) fn unreadable(error: serde_json::Error) -> Error {
-    Error::Records(Box::new(error))
+    Error::fault(error)
 }
 
 fn ray_set(row: &Row) -> Result<RaySet, Error> {

@@ -1,4 +1,4 @@
-//! How much room the local disks have: the only file that names rustix. A remote store has no room that we could see.
+//! How much room the local disks have. A remote store has no room that we could see.
 
 use std::path::PathBuf;
 use std::sync::Arc;

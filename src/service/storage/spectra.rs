@@ -36,7 +36,7 @@ impl Spectrum {
     /// # Errors
     /// A row that holds something else.
     pub fn points(&self) -> Result<Vec<(f64, f64)>, Error> {
-        serde_json::from_str(&self.nm_value).map_err(|error| Error::Records(Box::new(error)))
+        serde_json::from_str(&self.nm_value).map_err(Error::fault)
     }
 }
 

@@ -93,7 +93,7 @@ impl State {
     pub(super) fn parse(name: &str) -> Result<State, Error> {
         let all = [State::Receiving, State::Finishing, State::Taken, State::Refused, State::Complete, State::Joined];
         let found = all.into_iter().find(|state| state.name() == name);
-        found.ok_or_else(|| Error::Records(format!("an upload is {name:?}").into()))
+        found.ok_or_else(|| Error::fault(format!("an upload is {name:?}")))
     }
 }
 
@@ -269,7 +269,7 @@ pub async fn insert(
         return Ok(Err(NoRoom::TooMany));
     }
     transaction.commit().await?;
-    let row = rows.first().ok_or_else(|| Error::Records("an upload was inserted and not told".into()))?;
+    let row = rows.first().ok_or_else(|| Error::fault("an upload was inserted and not told"))?;
     Ok(Ok(upload(row)?))
 }
 

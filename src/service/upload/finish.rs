@@ -3,6 +3,7 @@
 //! the ray set's as they are: nothing is copied.
 
 use super::super::api::problem::Problem;
+use super::super::cause::Cause;
 use super::super::storage::endings::{self, Claim};
 use super::super::storage::ray_sets::Draft;
 use super::super::storage::uploads::{self, Concat, State, Upload};
@@ -219,7 +220,7 @@ impl Uploads {
         let extent = match &upload.concat {
             Concat::Final { .. } => self.read_once(&stored, gone.clone()).await?,
             Concat::Whole | Concat::Partial => Extent::resumed(upload.offset, &upload.sha256_state)
-                .ok_or_else(|| storage::Error::Records("the state of a digest cannot be read".into()))?,
+                .ok_or_else(|| storage::Error::fault("the state of a digest cannot be read"))?,
         };
         stored.sha256 = extent.sha256();
         if let Some(announced) = upload.announced.iter().find(|announced| **announced != stored.sha256) {
@@ -265,24 +266,15 @@ impl Uploads {
     }
 
     fn fate(&self, claim: &Claim, error: &FileError) -> Fate {
-        use FileError::{LowSpace, Packed, Storage, Unfit};
-        use pipeline::Error::{Cancelled, Unreadable};
-        match error {
-            Unfit(Cancelled) => Fate::Lost,
-            Unfit(Unreadable(cause)) | Packed(Unreadable(cause))
-                if cause.get_ref().is_some_and(|it| it.is::<JoinError>()) =>
-            {
-                // A panic of ours: another attempt will hardly do better.
-                let last = claim.attempt >= i64::from(self.max_attempts);
-                if last { Fate::GivenUp } else { Fate::Again { counted: true } }
-            }
-            // A store does not answer, or has no room. One that never will must not keep the upload for ever: its bytes stay
-            // as long again.
-            LowSpace | Storage(_) | Unfit(Unreadable(_)) | Packed(Unreadable(_)) => match claim.is_overdue {
-                true => Fate::GivenUp,
-                false => Fate::Again { counted: false },
-            },
-            _ => Fate::Refused,
+        match Cause::from(error) {
+            Cause::Input => Fate::Refused,
+            Cause::Stopped => Fate::Lost,
+            Cause::StoreDamaged => Fate::GivenUp,
+            Cause::Ours if claim.attempt >= i64::from(self.max_attempts) => Fate::GivenUp,
+            Cause::Ours => Fate::Again { counted: true },
+            // A store that never answers must not keep the upload for ever: its bytes stay as long again.
+            Cause::StoreAway if claim.is_overdue => Fate::GivenUp,
+            Cause::StoreAway => Fate::Again { counted: false },
         }
     }
 
@@ -297,7 +289,7 @@ impl Uploads {
         let (id, records) = (&claim.upload.id, &self.intake.storage.records);
         let ids: Vec<String> = drafts.iter().map(|draft| draft.ray_set.id.clone()).collect();
         let became = Became { ray_sets: ids.clone(), left_out };
-        let result = serde_json::to_string(&became).map_err(|error| storage::Error::Records(error.into()))?;
+        let result = serde_json::to_string(&became).map_err(storage::Error::fault)?;
         // Should this fail, rows may or may not name them: only the sweep of garbage can tell.
         let taken = endings::take(records, self.intake.quota, claim, drafts, &result, self.expiry).await?;
         if taken != Ok(true) {
@@ -321,7 +313,7 @@ impl Uploads {
     /// Ends an upload, and its bytes too unless they stay.
     async fn refuse(&self, claim: &Claim, problem: &Problem, bytes_stay: bool) -> Result<(), storage::Error> {
         let (id, records) = (&claim.upload.id, &self.intake.storage.records);
-        let said = serde_json::to_string(problem).map_err(|error| storage::Error::Records(error.into()))?;
+        let said = serde_json::to_string(problem).map_err(storage::Error::fault)?;
         if bytes_stay {
             tracing::error!(
                 upload = id,

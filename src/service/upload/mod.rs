@@ -59,6 +59,9 @@ pub enum Error {
     /// The sender stopped before its announced end.
     #[error("the body ended early: {0}")]
     Truncated(String),
+    /// The bytes broke off, for a reason that is only for the log.
+    #[error("the body broke off: {0}")]
+    Broken(String),
     /// The sender was too slow, or fell silent.
     #[error(transparent)]
     Slow(#[from] TooSlow),
@@ -247,7 +250,7 @@ impl Intake {
         let mut spool = Spool::new(self, id, announcement.byte_count);
         let mut pace = Pace::new(self.slowest);
         while let Some(chunk) = pace.next(&mut body).await? {
-            spool.push(&chunk.map_err(|error| Error::Truncated(error.to_string()))?).await?;
+            spool.push(&chunk.map_err(|error| Error::Broken(error.to_string()))?).await?;
             room.admit(spool.byte_count())?;
         }
         let stored = spool.end(announcement.name).await?;
@@ -292,8 +295,7 @@ impl Intake {
             () = gone.cancelled() => return Err(pipeline::Error::Cancelled.into()),
         };
         let work = move || describe(&input, &limits, &Until(gone)).map_err(in_query);
-        let described = priority::compute("inspect", work).await;
-        Ok(described.map_err(|error| pipeline::Error::Unreadable(std::io::Error::other(error)))??)
+        Ok(priority::compute("inspect", work).await.map_err(pipeline::Error::from)??)
     }
 }
 
@@ -318,7 +320,7 @@ pub(super) fn in_query(error: pipeline::Error) -> pipeline::Error {
 /// Inspects a file and draws what was found.
 fn describe(input: &Input, limits: &Limits, watch: &dyn Watch) -> Result<Described, pipeline::Error> {
     let found = pipeline::inspect(input, limits, watch)?;
-    let unwritable = |error: serde_json::Error| pipeline::Error::Unreadable(error.into());
+    let unwritable = |error: serde_json::Error| pipeline::Error::Internal(error.to_string());
     let mut header = found.header.clone();
     header.texts.clear();
     let drawing = |drawing: Artifact| Drawing {

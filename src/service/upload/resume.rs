@@ -277,7 +277,7 @@ impl Uploads {
     ) -> Result<Writing<'a>, Error> {
         let Intake { storage, .. } = &self.intake;
         let came = Extent::resumed(upload.offset, &upload.sha256_state);
-        let came = came.ok_or_else(|| storage::Error::Records("the state of a digest cannot be read".into()))?;
+        let came = came.ok_or_else(|| storage::Error::fault("the state of a digest cannot be read"))?;
         let (number, continued) = match uploads::last_part(&storage.records, &upload.id).await? {
             Some((number, part)) if part.byte_count < SHORT_BYTES => (number, Some(part)),
             Some((number, _)) => (number + 1, None),
@@ -338,7 +338,7 @@ impl Writing<'_> {
                 () = self.uploads.stopping.cancelled() => return Err(Error::Stopping),
             };
             let Some(chunk) = next else { break };
-            let chunk = chunk.map_err(|error| FileError::Truncated(error.to_string()))?;
+            let chunk = chunk.map_err(|error| FileError::Broken(error.to_string()))?;
             if self.spool.byte_count() + chunk.len() as u64 > whole {
                 return Err(Error::Beyond(whole));
             }
@@ -361,8 +361,8 @@ impl Writing<'_> {
 
     /// Keeps what may be kept, and nothing else.
     async fn end(mut self, came: Result<(), Error>, checked: bool) -> Result<(), Error> {
-        use FileError::{Slow, Truncated};
-        let broke_off = matches!(came, Err(Error::Stopping | Error::File(Truncated(_) | Slow(_))));
+        use FileError::{Broken, Slow, Truncated};
+        let broke_off = matches!(came, Err(Error::Stopping | Error::File(Truncated(_) | Broken(_) | Slow(_))));
         let kept = match came.is_ok() || (broke_off && !checked) {
             true => self.keep_rest().await,
             false => Ok(()),

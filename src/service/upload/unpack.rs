@@ -8,7 +8,6 @@ use super::super::storage::ray_sets::{Draft, Packed};
 use super::spool::Spool;
 use super::{Error, Intake, LeftOut, Stored};
 use crate::pipeline::{self, Content, Member};
-use std::io;
 use tokio::runtime::Handle;
 use tokio::task::spawn_blocking;
 use tokio_util::sync::CancellationToken;
@@ -41,7 +40,7 @@ impl Intake {
             left_out: Vec::new(),
         };
         let unpacked = spawn_blocking(move || unpacking.run(&packed));
-        unpacked.await.map_err(|error| pipeline::Error::Unreadable(io::Error::other(error)))?
+        unpacked.await.map_err(|error| pipeline::Error::Internal(error.to_string()))?
     }
 }
 

@@ -118,7 +118,10 @@ impl Dispatcher {
         let Sending { id, timestamp_s, body, secrets, .. } = sending;
         let signature = match signature::sign(secrets, id, *timestamp_s, body) {
             Ok(signature) => signature,
-            Err(error) => return failed(error.to_string()),
+            Err(error) => {
+                tracing::error!(delivery = id, %error, "a delivery cannot be signed");
+                return failed("the service could not sign it".to_owned());
+            }
         };
         let headers = [
             ("webhook-id", id.clone()),

@@ -146,7 +146,7 @@ pub struct EndedLinks {
 fn ended(row: &Row) -> Result<(Event, EndedJob), Error> {
     let state = row.text("state")?;
     let state = State::parse(&state);
-    let unknown = || Error::Records("a job that has not ended is announced".into());
+    let unknown = || Error::fault("a job that has not ended is announced");
     let (state, event) = state.and_then(|state| Some((state, Event::of(state)?))).ok_or_else(unknown)?;
     let (id, failure) = (row.text("id")?, row.optional_text("failure")?);
     let problem = failure.map(|failure| serde_json::from_str(&failure)).transpose();
@@ -161,7 +161,7 @@ fn ended(row: &Row) -> Result<(Event, EndedJob), Error> {
         id,
         state,
         attempt: row.number("attempt")?,
-        problem: problem.map_err(|error| Error::Records(Box::new(error)))?,
+        problem: problem.map_err(Error::fault)?,
         created_ms: row.number("created_ms")?,
         started_ms: row.optional_number("started_ms")?,
         finished_ms: row.number("finished_ms")?,
@@ -172,7 +172,7 @@ fn ended(row: &Row) -> Result<(Event, EndedJob), Error> {
 
 fn message<T: Serialize>(kind: &'static str, at_ms: i64, data: T) -> Result<String, Error> {
     let message = Message { kind, timestamp: rfc_3339(at_ms), data };
-    serde_json::to_string(&message).map_err(|error| Error::Records(Box::new(error)))
+    serde_json::to_string(&message).map_err(Error::fault)
 }
 
 #[cfg(test)]

@@ -27,7 +27,7 @@ pub fn secret() -> Result<String, Error> {
 pub fn sign(secrets: &[String], id: &str, timestamp_s: i64, body: &str) -> Result<String, Error> {
     let mut signatures = Vec::new();
     for secret in secrets {
-        let wrong = || Error::Records("a webhook's secret cannot be read".into());
+        let wrong = || Error::fault("a webhook's secret cannot be read");
         let key = secret.strip_prefix(PREFIX).and_then(|text| BASE64.decode(text).ok()).ok_or_else(wrong)?;
         let mut mac = Hmac::<Sha256>::new_from_slice(&key).map_err(|_| wrong())?;
         mac.update(format!("{id}.{timestamp_s}.{body}").as_bytes());

@@ -14,6 +14,7 @@ use super::super::model::Model;
 use super::super::rays::source::Columns;
 use super::super::{Error, Options as RunOptions};
 use super::exitance::{Colors, colors};
+use super::json::unwritten;
 use super::{Artifact, provenance};
 use buffer::Buffer;
 use document::{Asset, BufferEntry, Document, Extras, Material, Mesh, Node, Primitive, Scene};
@@ -49,7 +50,7 @@ pub fn artifact(model: &Model, options: &RunOptions) -> Result<Artifact, Error> 
         buffer_views: buffer.views,
         accessors: buffer.accessors,
     };
-    let json = serde_json::to_vec(&document).map_err(std::io::Error::from)?;
+    let json = serde_json::to_vec(&document).map_err(unwritten)?;
     Ok(Artifact { name: NAME.to_owned(), media_type: "model/gltf-binary", bytes: container(json, buffer.bytes)? })
 }
 

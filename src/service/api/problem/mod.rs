@@ -6,13 +6,14 @@ mod uploads;
 mod elsewhere;
 /// Headers that are not honoured.
 mod headers;
+/// Problems of stores, of files and of ourselves, told apart.
+mod causes;
 
 use super::super::access::keys::Refusal;
 use super::super::access::quota::Exceeded;
 use super::super::jobs::memory::TooLarge;
 use super::super::jobs::{Failure, State, queue};
-use super::super::{storage, upload};
-use crate::pipeline;
+use super::super::upload;
 use axum::Json;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -127,8 +128,8 @@ impl Problem {
     }
 
     /// The body stopped short.
-    pub fn body_truncated(detail: &str) -> Problem {
-        let detail = format!("The body ended before its announced end: {detail}.");
+    pub fn body_truncated() -> Problem {
+        let detail = "The body ended before its announced end.";
         Problem::new(StatusCode::BAD_REQUEST, "upload.truncated", "The body is incomplete", detail)
             .remedy("Send it again.")
     }
@@ -359,20 +360,6 @@ impl IntoResponse for Problem {
     }
 }
 
-impl From<storage::Error> for Problem {
-    fn from(error: storage::Error) -> Problem {
-        tracing::error!(%error, "a store failed");
-        if matches!(error, storage::Error::Full) {
-            let detail = "There is no room for more.";
-            return Problem::new(StatusCode::INSUFFICIENT_STORAGE, "storage.full", "The store is full", detail)
-                .remedy("Delete jobs and ray sets, or make room.");
-        }
-        let detail = "The service's store does not answer.";
-        Problem::new(StatusCode::SERVICE_UNAVAILABLE, "storage.unavailable", "The store does not answer", detail)
-            .remedy("Try again after the time in Retry-After.")
-    }
-}
-
 impl From<Refusal> for Problem {
     fn from(refusal: Refusal) -> Problem {
         let (code, detail) = match refusal {
@@ -408,18 +395,6 @@ impl From<Exceeded> for Problem {
     }
 }
 
-impl From<pipeline::Error> for Problem {
-    fn from(error: pipeline::Error) -> Problem {
-        use pipeline::Error;
-        let status = match &error {
-            Error::Malformed(_) => StatusCode::BAD_REQUEST,
-            Error::Refused(_) | Error::Unusable(_) => StatusCode::UNPROCESSABLE_ENTITY,
-            Error::Cancelled | Error::Unreadable(_) => StatusCode::INTERNAL_SERVER_ERROR,
-        };
-        Problem::of(status, Failure::from(&error))
-    }
-}
-
 impl From<upload::Error> for Problem {
     fn from(error: upload::Error) -> Problem {
         use upload::Error;
@@ -433,7 +408,10 @@ impl From<upload::Error> for Problem {
             .remedy("Send fewer rays, or ask the operator for a larger limit."),
             Error::Empty => Problem::new(StatusCode::BAD_REQUEST, "upload.empty", "The body is empty", "No byte came.")
                 .remedy("Send the ray file as the body, e.g. curl --data-binary @file."),
-            Error::Truncated(detail) => Problem::body_truncated(&detail),
+            Error::Truncated(found) | Error::Broken(found) => {
+                tracing::debug!(found, "a body broke off");
+                Problem::body_truncated()
+            }
             Error::Slow(slow) => {
                 let status = StatusCode::REQUEST_TIMEOUT;
                 let (code, title) = match slow.bytes {

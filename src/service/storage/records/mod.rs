@@ -8,11 +8,14 @@ mod connection;
 pub use connection::Transaction;
 
 use super::Error;
+use super::database_file::{self, Unusable};
 use sqlx::any::{AnyArguments, AnyPoolOptions, AnyRow};
-use sqlx::migrate::{Migration, MigrationType, Migrator};
+use sqlx::error::ErrorKind;
+use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::query::Query;
-use sqlx::{Any, AnyPool, AssertSqlSafe, Executor, Row as _, SqlSafeStr};
+use sqlx::{Any, AnyConnection, AnyPool, AssertSqlSafe, Connection, Executor, Row as _, SqlSafeStr};
 use std::borrow::Cow;
+use std::io;
 use std::time::Duration;
 
 /// The schema, step by step: number, what it brought, its text. By hand, for `sqlx::migrate!` compiles all of sqlx a second time.
@@ -247,13 +250,15 @@ impl Records {
     /// do so at once, one does it and the others wait.
     ///
     /// # Errors
-    /// An engine we do not have; a database that does not answer or was made by a newer version.
+    /// [`Error::Unusable`]; an engine we do not have; a database that does not answer.
     pub async fn open(url: &str) -> Result<Records, Error> {
         sqlx::any::install_default_drivers();
         match url.split(':').next().unwrap_or_default() {
             "sqlite" => {
+                database_file::prepare(url)?;
+                examine(url).await?;
                 let writer = pool(&SQLITE, 1).connect(url).await?;
-                migrate(&writer).await?;
+                migrate(&writer, url).await?;
                 let readers = pool(&SQLITE, SQLITE_READERS).connect(url).await?;
                 Ok(Records { dialect: &SQLITE, writer, witness: readers.clone(), readers })
             }
@@ -261,7 +266,7 @@ impl Records {
                 // A connection without a time limit: the lock of a migration may be long another's.
                 let migrator = AnyPoolOptions::new().max_connections(1).acquire_timeout(POSTGRES_START);
                 let migrator = migrator.connect(url).await?;
-                migrate(&migrator).await?;
+                migrate(&migrator, url).await?;
                 migrator.close().await;
                 let pool = pool(&POSTGRES, POSTGRES_CONNECTIONS).connect(url).await?;
                 let witness = self::pool(&POSTGRES, 1).idle_timeout(WITNESS_IDLE).connect_lazy(url)?;
@@ -340,12 +345,46 @@ fn pool(dialect: &'static Dialect, connections: u32) -> AnyPoolOptions {
     })
 }
 
-async fn migrate(pool: &AnyPool) -> Result<(), Error> {
+/// Opens a file once, outside of the pool, which tries a file that is no database again until its time is over. One of another
+/// program is left as it is.
+async fn examine(url: &str) -> Result<(), Error> {
+    let Some(file) = database_file::path(url) else { return Ok(()) };
+    let tables =
+        "SELECT COUNT(*) AS found, COUNT(CASE WHEN name = '_sqlx_migrations' THEN 1 END) AS ours FROM sqlite_master";
+    let looked = async {
+        let mut connection = AnyConnection::connect(url).await?;
+        let row = connection.fetch_one(tables).await.map(Row);
+        connection.close().await?;
+        row
+    };
+    let code = |error: &sqlx::Error| error.as_database_error().and_then(|error| Some(error.code()?.into_owned()));
+    match looked.await {
+        Ok(row) if row.number("found")? > 0 && row.number("ours")? == 0 => Err(Unusable::Foreign(file).into()),
+        Ok(_) => Ok(()),
+        Err(error) => Err(match code(&error).as_deref() {
+            // SQLITE_CORRUPT and SQLITE_NOTADB.
+            Some("11" | "26") => Unusable::NotADatabase(file).into(),
+            // SQLITE_CANTOPEN, which says no more; SQLITE_READONLY_DIRECTORY.
+            Some("14" | "1544") => Unusable::Disk { path: file, error: io::ErrorKind::PermissionDenied.into() }.into(),
+            _ => error.into(),
+        }),
+    }
+}
+
+async fn migrate(pool: &AnyPool, url: &str) -> Result<(), Error> {
     let step = |(number, name, text): (i64, &'static str, &'static str)| {
         Migration::new(number, name.into(), MigrationType::Simple, text.into_sql_str(), false)
     };
     let all = Migrator::with_migrations(MIGRATIONS.map(step).into());
-    all.run(pool).await.map_err(|error| Error::Records(Box::new(error)))
+    let known = MIGRATIONS.last().map_or(0, |(number, _, _)| *number);
+    all.run(pool).await.map_err(|error| match error {
+        MigrateError::VersionMissing(step) if step > known => {
+            // The address of a server holds a password.
+            let file = database_file::path(url).map(|file| file.display().to_string());
+            Unusable::Newer { database: file.unwrap_or_else(|| "the database".to_owned()), step, known }.into()
+        }
+        other => Error::Records(Box::new(other)),
+    })
 }
 
 /// Codes of a lack of room: `SQLITE_FULL`, `SQLITE_IOERR_SHMSIZE` (the file beside the database could not grow), and PostgreSQL's
@@ -355,10 +394,18 @@ const FULL: [&str; 3] = ["13", "4874", "53100"];
 impl From<sqlx::Error> for Error {
     fn from(error: sqlx::Error) -> Error {
         let code = error.as_database_error().and_then(|error| error.code());
-        match code.is_some_and(|code| FULL.contains(&&*code)) {
-            true => Error::Full,
-            false => Error::Records(Box::new(error)),
+        if code.is_some_and(|code| FULL.contains(&&*code)) {
+            return Error::Full;
         }
+        use sqlx::Error as Sql;
+        let is_ours = match &error {
+            Sql::ColumnDecode { .. } | Sql::ColumnIndexOutOfBounds { .. } | Sql::ColumnNotFound(_) => true,
+            Sql::Decode(_) | Sql::Encode(_) | Sql::InvalidArgument(_) | Sql::TypeNotFound { .. } => true,
+            // A rule of the schema was broken.
+            Sql::Database(error) => !matches!(error.kind(), ErrorKind::Other),
+            _ => false,
+        };
+        if is_ours { Error::fault(error) } else { Error::Records(Box::new(error)) }
     }
 }
 

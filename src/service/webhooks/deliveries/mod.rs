@@ -308,7 +308,7 @@ pub async fn list(records: &Records, webhook: &str, before: Option<&str>, limit:
 fn delivery(row: &Row) -> Result<Delivery, Error> {
     let state = row.text("state")?;
     let known = State::ALL.into_iter().find(|known| known.name() == state);
-    let state = known.ok_or_else(|| Error::Records(format!("delivery state {state:?}").into()))?;
+    let state = known.ok_or_else(|| Error::fault(format!("delivery state {state:?}")))?;
     Ok(Delivery {
         id: row.text("id")?,
         event: row.text("event")?,

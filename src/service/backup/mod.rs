@@ -4,9 +4,13 @@
 //! goes on with it: such an upload is copied as it is then. Where it has become ray sets by then, of which these rows know
 //! nothing, those of a later moment are taken. The copy is a data folder: to restore is to serve it.
 
-use super::storage::Storage;
+/// Where it may go.
+mod place;
+
+use super::Config;
 use super::storage::records::{Records, Row, sql};
-use super::{Config, StartError};
+use super::storage::{Storage, database_file, private};
+pub use place::serve as begin_to_serve;
 use std::collections::HashSet;
 use std::fs::{self, File};
 use std::io;
@@ -24,9 +28,30 @@ pub enum Error {
     /// The folder for the copy is being served.
     #[error("a service runs on {}", .0.display())]
     Served(PathBuf),
-    /// The folder for the copy is the one that is copied.
-    #[error("{} is what is to be copied", .0.display())]
-    Itself(PathBuf),
+    /// The folder for the copy is what is to be copied, or in it.
+    #[error("{} is in {}, which is copied or served", to.display(), kept.display())]
+    Inside {
+        /// The folder for the copy.
+        to: PathBuf,
+        /// What is copied.
+        kept: PathBuf,
+    },
+    /// What is to be copied is in the folder for the copy.
+    #[error("{} holds {}, which is copied or served", to.display(), kept.display())]
+    Around {
+        /// The folder for the copy.
+        to: PathBuf,
+        /// What is copied.
+        kept: PathBuf,
+    },
+    /// The folder for the copy holds something else than an earlier backup.
+    #[error("{} is neither empty nor an earlier backup: it holds {found:?}", to.display())]
+    Occupied {
+        /// The folder for the copy.
+        to: PathBuf,
+        /// A file or folder in it.
+        found: String,
+    },
     /// A row names a blob that is not there.
     #[error("the blob {0} is missing from the store")]
     Missing(String),
@@ -68,18 +93,10 @@ pub async fn backup(config: &Config, to: &Path) -> Result<Copied, Error> {
     let Some(blobs) = config.storage_url().strip_prefix("file:").map(PathBuf::from) else {
         return Err(Error::Elsewhere);
     };
-    let database = config.database_url();
-    let Some(rows) = database.strip_prefix("sqlite:").and_then(|rest| rest.split('?').next()) else {
+    if database_file::path(&config.database_url()).is_none() {
         return Err(Error::Elsewhere);
-    };
-    // Held until all is written: what is served is not replaced, and what is being replaced is not served.
-    let _lock = super::lock(to).map_err(|error| match error {
-        StartError::Folder { folder: path, error } => Error::Disk { path, error },
-        _ => Error::Served(to.to_owned()),
-    })?;
-    if fs::canonicalize(rows).is_ok_and(|rows| fs::canonicalize(to.join("service.db")).is_ok_and(|copy| copy == rows)) {
-        return Err(Error::Itself(to.to_owned()));
     }
+    let _held = place::take(config, to)?;
     let storage = Storage::open(&config.database_url(), &config.storage_url()).await?;
     let copied = copy_all(&storage, &blobs, to).await;
     storage.records.close().await;
@@ -117,13 +134,14 @@ async fn copy_all(live: &Storage, from: &Path, to: &Path) -> Result<Copied, Erro
 
 /// The rows of one moment, as a database of their own.
 async fn snapshot(records: &Records, to: &Path) -> Result<Records, Error> {
-    fs::create_dir_all(to).map_err(|error| Error::Disk { path: to.to_owned(), error })?;
     let file = new_file(to);
     for rest in ["", "-wal", "-shm"] {
         let _ = fs::remove_file(to.join(format!("service.db.new{rest}")));
     }
+    // Made before it is written, so that nobody else can read it: SQLite writes into an empty file.
+    private::open_file(&file).map_err(|error| Error::Disk { path: file.clone(), error })?;
     records.write(sql("VACUUM INTO $1").bind(file.display().to_string())).await?;
-    Ok(Records::open(&format!("sqlite:{}", file.display())).await?)
+    Ok(Records::open(&database_file::url(&file)).await?)
 }
 
 /// Copies every blob that `copy` names from the folder `from` to the folder `to`.
@@ -245,10 +263,15 @@ fn copy_file(from: &Path, to: &Path) -> io::Result<Option<u64>> {
         return Ok(None);
     }
     let folder = to.parent().ok_or(io::ErrorKind::InvalidInput)?;
-    fs::create_dir_all(folder)?;
-    let part = to.with_extension("part");
-    fs::copy(from, &part)?;
-    File::open(&part)?.sync_all()?;
+    private::make_folder(folder)?;
+    // Named as the store names what it has not finished: should this be all that is left of a backup, a service that is started
+    // on it deletes it.
+    let name = to.file_name().ok_or(io::ErrorKind::InvalidInput)?;
+    let part = folder.join(format!("{}#0", name.display()));
+    let mut copy = private::open_file(&part)?;
+    copy.set_len(0)?;
+    io::copy(&mut File::open(from)?, &mut copy)?;
+    copy.sync_all()?;
     fs::rename(&part, to)?;
     File::open(folder)?.sync_all()?;
     Ok(Some(byte_count))

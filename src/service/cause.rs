@@ -1,0 +1,121 @@
+//! Whose an error is: the one place that decides it for jobs, uploads and requests. From it follow what is tried again, what the
+//! log has as a fault, and how much a client is told: everything of its own input, and of our insides nothing.
+
+use super::jobs::Failure;
+use super::priority::Lost;
+use super::{storage, upload};
+use crate::pipeline;
+
+/// Where an error comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// The file, or what was asked for. The client is told all of it; the same again would fail the same way.
+    Input,
+    /// Nobody waits for the result any more.
+    Stopped,
+    /// A store does not answer, or has no room. Another attempt may do better.
+    StoreAway,
+    /// A store has lost what a row names. Another attempt would find the same; an operator has to know.
+    StoreDamaged,
+    /// A fault of this program. Another attempt would most likely hit it again; the log says what it was.
+    Ours,
+}
+
+impl From<&storage::Error> for Cause {
+    fn from(error: &storage::Error) -> Cause {
+        use storage::Error;
+        match error {
+            Error::Records(_) | Error::Blobs(_) | Error::Full => Cause::StoreAway,
+            Error::MissingBlob(_) | Error::DamagedBlob { .. } => Cause::StoreDamaged,
+            // Only seen while stores are opened, which no client has a part in.
+            Error::Fault(_) | Error::Unsupported(_) | Error::Unusable(_) => Cause::Ours,
+        }
+    }
+}
+
+impl From<&pipeline::Error> for Cause {
+    fn from(error: &pipeline::Error) -> Cause {
+        use pipeline::Error;
+        match error {
+            Error::Malformed(_) | Error::Refused(_) | Error::Unusable(_) => Cause::Input,
+            Error::Cancelled => Cause::Stopped,
+            // What the pipeline reads comes from a store, whoever else handed the error on.
+            Error::Unreadable(_) => stored(error).map_or(Cause::StoreAway, Cause::from),
+            Error::Internal(_) => Cause::Ours,
+        }
+    }
+}
+
+impl From<&upload::Error> for Cause {
+    fn from(error: &upload::Error) -> Cause {
+        use upload::Error;
+        match error {
+            Error::TooLarge(_)
+            | Error::Empty
+            | Error::Truncated(_)
+            | Error::Broken(_)
+            | Error::Slow(_)
+            | Error::Digest { .. }
+            | Error::NoRayFile(_)
+            | Error::Quota(_) => Cause::Input,
+            Error::Unfit(error) | Error::Packed(error) => Cause::from(error),
+            Error::LowSpace => Cause::StoreAway,
+            Error::Storage(error) => Cause::from(error),
+        }
+    }
+}
+
+impl From<Lost> for pipeline::Error {
+    fn from(lost: Lost) -> pipeline::Error {
+        match lost {
+            Lost::Panicked(message) => pipeline::Error::Internal(format!("a computation panicked: {message}")),
+            // As with a store that is away: there may be one later.
+            Lost::NoThread(error) => pipeline::Error::Unreadable(error),
+        }
+    }
+}
+
+/// The error of a store that kept the pipeline from reading.
+pub fn stored(error: &pipeline::Error) -> Option<&storage::Error> {
+    match error {
+        pipeline::Error::Unreadable(error) => error.get_ref()?.downcast_ref(),
+        _ => None,
+    }
+}
+
+impl From<&storage::Error> for Failure {
+    fn from(error: &storage::Error) -> Failure {
+        use storage::Error;
+        match error {
+            Error::Full => Failure::store_full(),
+            Error::Records(_) | Error::Blobs(_) => Failure::store_away(),
+            Error::MissingBlob(key) => Failure::blob_missing(&owner(key)),
+            Error::DamagedBlob { blob, .. } => Failure::blob_damaged(&owner(blob)),
+            Error::Fault(_) | Error::Unsupported(_) | Error::Unusable(_) => Failure::internal(),
+        }
+    }
+}
+
+impl From<&pipeline::Error> for Failure {
+    fn from(error: &pipeline::Error) -> Failure {
+        use pipeline::Error;
+        match error {
+            Error::Malformed(fault) => Failure::of("The file is malformed", fault),
+            Error::Refused(fault) => Failure::of("The file is refused", fault),
+            Error::Unusable(fault) => Failure::of("What was asked for cannot be used", fault),
+            Error::Cancelled => Failure::stopped(),
+            Error::Unreadable(_) => stored(error).map_or_else(Failure::store_away, Failure::from),
+            Error::Internal(_) => Failure::internal(),
+        }
+    }
+}
+
+/// Whose bytes a blob holds, in a client's words: a ray set or a job, by the id that the client knows.
+fn owner(key: &str) -> String {
+    let mut parts = key.split('/');
+    match (parts.next(), parts.next()) {
+        (Some("ray-sets"), Some(id)) => format!("the ray set {id}"),
+        (Some("artifacts"), Some(id)) => format!("the artifacts of the job {id}"),
+        _ => "what was asked for".to_owned(),
+    }
+}
