@@ -7,6 +7,7 @@ use super::{Failure, measure, output};
 use crate::pipeline::Limits;
 use crate::pipeline::rays::synthetic;
 use crate::service::priority;
+use crate::service::storage;
 use crate::service::telemetry::{self, LogFormat};
 use crate::service::{Config, Role, Service, StartError, Submitted};
 use axum::Router;
@@ -271,6 +272,7 @@ impl From<StartError> for Failure {
                 "Make one for this database: lampwright keys create --tenant NAME. Or start with --auth on and make it later, \
                  or listen on 127.0.0.1.",
             ),
+            StartError::Storage(storage::Error::Unsupported(_, remedy)) => ("serve.storage", *remedy),
             StartError::Storage(_) => (
                 "serve.storage",
                 "See that the data folder is whole and has room, and that the engines named by DATABASE_URL and STORAGE_URL answer.",

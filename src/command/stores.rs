@@ -61,7 +61,10 @@ pub fn run<T>(work: impl Future<Output = Result<T, Failure>>) -> Result<T, Failu
 
 impl From<storage::Error> for Failure {
     fn from(error: storage::Error) -> Failure {
-        let remedy = "See that it is the database of the service, that it can be reached, and that its disk has room.";
+        let remedy = match &error {
+            storage::Error::Unsupported(_, remedy) => remedy,
+            _ => "See that it is the database of the service, that it can be reached, and that its disk has room.",
+        };
         Failure::failed("stores.failed", error.to_string(), remedy)
     }
 }

@@ -192,7 +192,10 @@ impl Config {
     /// The database to open.
     pub fn database_url(&self) -> String {
         let file = self.data.join("service.db");
-        self.database_url.clone().unwrap_or_else(|| format!("sqlite:{}?mode=rwc", file.display()))
+        let url = self.database_url.clone().unwrap_or_else(|| format!("sqlite:{}", file.display()));
+        // A file that is not there is a first start.
+        let bare = url.starts_with("sqlite:") && !url.contains('?');
+        if bare { format!("{url}?mode=rwc") } else { url }
     }
 
     /// The object store to open.

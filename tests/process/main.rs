@@ -11,6 +11,9 @@ mod packing;
 mod rays;
 #[cfg(test)]
 mod server;
+/// What people are told to do.
+#[cfg(test)]
+mod remedies;
 /// What means harm.
 #[cfg(test)]
 mod hostile;

@@ -1,6 +1,7 @@
 //! The queries that files are sent with: a name, and how to read a ray file that does not say.
 
 use super::super::jobs::channels::{FileDeclaration, LengthUnit, QuantityName};
+use super::super::metadata::Metadata;
 use super::super::upload::in_query;
 use super::problem::Problem;
 use serde::Deserialize;
@@ -31,6 +32,11 @@ pub struct Sending {
     /// luminous_flux, wavelength_nm, wavelength_um, tristimulus_x, tristimulus_z, ignored.
     #[param(example = "x,y,z,l,m,n,flux")]
     columns: Option<String>,
+    /// The client's own keys and values, as a JSON object of texts: at most 16 and 4096 bytes in all; keys of 1 to 64 of A-Z, a-z,
+    /// 0-9, _, . and -; values of at most 512 characters. Every ray set that comes of it has them.
+    #[param(value_type = Option<String>, example = "{\"order\":\"4711\"}")]
+    #[serde(default, deserialize_with = "Metadata::from_text")]
+    pub metadata: Metadata,
 }
 
 impl Sending {

@@ -6,6 +6,8 @@ pub mod records;
 pub mod blobs;
 /// A ray set's parts as one file.
 pub mod parts;
+/// Rows that things are found by, by their clients' metadata.
+pub mod metadata;
 /// Rows of ray sets.
 pub mod ray_sets;
 /// Rows of uploads that can be resumed.
@@ -38,9 +40,9 @@ pub enum Error {
     /// No room for more.
     #[error("the object store is full")]
     Full,
-    /// An engine this build does not have.
+    /// An engine this build does not have, and what to write instead.
     #[error("{0} is not supported by this build")]
-    Unsupported(String),
+    Unsupported(String, &'static str),
 }
 
 /// Rows and blobs. Cheap to clone.

@@ -223,7 +223,9 @@ impl Uploads {
         stored.is_packed = self.intake.judge(&self.prefix(&stored).await?, Some(byte_count))?;
         // The bytes of a packed upload go when what is in it is kept.
         let room = self.intake.quota.room(records, tenant).await?.without(byte_count);
-        self.intake.drafts(stored, upload.declared.clone(), room, gone).await
+        let mut made = self.intake.drafts(stored, upload.declared.clone(), room, gone).await?;
+        made.0.iter_mut().for_each(|draft| draft.ray_set.metadata = upload.client_metadata.clone());
+        Ok(made)
     }
 
     /// The beginning of a stored file.

@@ -11,7 +11,7 @@ use std::borrow::Cow;
 use std::time::Duration;
 
 /// The schema, step by step: number, what it brought, its text. By hand, for `sqlx::migrate!` compiles all of sqlx a second time.
-const MIGRATIONS: [(i64, &str, &str); 9] = [
+const MIGRATIONS: [(i64, &str, &str); 10] = [
     (1, "first", include_str!("../migrations/0001_first.sql")),
     (2, "packed", include_str!("../migrations/0002_packed.sql")),
     (3, "channels", include_str!("../migrations/0003_channels.sql")),
@@ -21,6 +21,7 @@ const MIGRATIONS: [(i64, &str, &str); 9] = [
     (8, "uploads", include_str!("../migrations/0008_uploads.sql")),
     (9, "lines", include_str!("../migrations/0009_lines.sql")),
     (10, "push", include_str!("../migrations/0010_push.sql")),
+    (12, "metadata", include_str!("../migrations/0012_metadata.sql")),
 ];
 
 /// The words that the engines say differently.
@@ -31,8 +32,9 @@ struct Dialect {
     skip_locked: &'static str,
     /// `{for_share}`: nobody may delete the row that was found before this transaction ends. Empty where there is one writer.
     for_share: &'static str,
-    /// `{texts}`: the texts in the JSON list `$1`, as rows: a statement's text is fixed, its number of values is not.
-    texts: &'static str,
+    /// `{texts of $1 texts}`: the texts in the JSON list `$1`, as rows: a statement's text is fixed, its number of values is not. What
+    /// stands before the list, and behind it.
+    texts: (&'static str, &'static str),
     /// What every new connection is told.
     connection: &'static str,
     /// Whether a connection may be gone when it is next asked for, and is to be tried before.
@@ -46,7 +48,7 @@ static SQLITE: Dialect = Dialect {
     now: "CAST(unixepoch('subsec') * 1000 AS BIGINT)",
     skip_locked: "",
     for_share: "",
-    texts: "SELECT value FROM json_each($1)",
+    texts: ("SELECT value FROM json_each(", ")"),
     connection: "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON; \
                  PRAGMA busy_timeout = 10000;",
     can_drop: false,
@@ -58,11 +60,14 @@ static POSTGRES: Dialect = Dialect {
     now: "CAST(EXTRACT(EPOCH FROM statement_timestamp()) * 1000 AS BIGINT)",
     skip_locked: "FOR UPDATE SKIP LOCKED",
     for_share: "FOR SHARE",
-    texts: "SELECT json_array_elements_text(CAST($1 AS JSON))",
+    texts: ("SELECT json_array_elements_text(CAST(", " AS JSON))"),
     connection: "SET statement_timeout = '30s'; SET idle_in_transaction_session_timeout = '10s';",
     can_drop: true,
     acquire: Duration::from_secs(5),
 };
+
+/// What the address of a database can be.
+const KNOWN: &str = "Write sqlite:FILE or postgres://USER:PASSWORD@HOST/NAME, in DATABASE_URL or with --database-url.";
 
 /// Connections that read a SQLite file, next to the one that writes.
 const SQLITE_READERS: u32 = 4;
@@ -145,7 +150,8 @@ impl Statement {
             ("{now}", dialect.now),
             ("{skip_locked}", dialect.skip_locked),
             ("{for_share}", dialect.for_share),
-            ("{texts}", dialect.texts),
+            ("{texts of ", dialect.texts.0),
+            (" texts}", dialect.texts.1),
         ];
         let say = |text: Cow<'static, str>, (word, said): (&str, &str)| match text.contains(word) {
             true => Cow::Owned(text.replace(word, said)),
@@ -250,7 +256,7 @@ impl Records {
                 let pool = pool(&POSTGRES, POSTGRES_CONNECTIONS).connect(url).await?;
                 Ok(Records { dialect: &POSTGRES, writer: pool.clone(), readers: pool })
             }
-            other => Err(Error::Unsupported(format!("database {other}"))),
+            other => Err(Error::Unsupported(format!("the database {other:?}"), KNOWN)),
         }
     }
 
