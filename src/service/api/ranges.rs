@@ -71,7 +71,8 @@ pub fn media_type<'a>(headers: &HeaderMap, own: &'a str) -> &'a str {
     let essence = own.split(';').next().unwrap_or_default().trim();
     let family = essence.split('/').next().unwrap_or_default();
     let accepted = headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok());
-    let named = accepted.flat_map(|value| value.split(',')).map(|range| range.split(';').next().unwrap_or_default().trim());
+    let named =
+        accepted.flat_map(|value| value.split(',')).map(|range| range.split(';').next().unwrap_or_default().trim());
     let mut octets = false;
     for range in named {
         let (kind, rest) = range.split_once('/').unwrap_or((range, "*"));
