@@ -155,14 +155,15 @@ async fn an_upload_that_went_wrong_goes_on_as_the_remedy_has_it() {
     told(&wrong, 409, "upload.offset_conflict", "Ask with HEAD where it goes on.");
     let on = offset(&site, &at).await;
     assert_eq!(append(&site, &at, on, file[on..].to_vec(), &[]).await.status, StatusCode::NO_CONTENT);
-    let wrong = append(&site, &at, 5, vec![1], &[]).await;
+    let wrong = append(&site, &at, file.len(), vec![1], &[]).await;
     told(&wrong, 409, "upload.complete", "Ask with GET what became of it.");
     assert_eq!(site.get(&at).await.json()["state"], "taken");
 
-    // A refused one says why.
+    // A refused one says why. HEAD, which tells of it, has no body: the remedy is for who reads its GET.
     let text = begin(&site, 10, &[]).await;
-    append(&site, &text, 0, b"no rays at".to_vec(), &[]).await;
-    told(&append(&site, &text, 10, vec![1], &[]).await, 410, "upload.refused", "Ask with GET why; begin another.");
+    append(&site, &text, 0, b"no rays at".to_vec(), &[]).await.is_problem(422, "detect.not_rays");
+    let head = site.ask(Method::HEAD, &text, &[VERSION], Body::empty()).await;
+    assert_eq!(head.status, StatusCode::GONE, "Ask with GET why; begin another.");
     assert_eq!(site.get(&text).await.json()["problem"]["code"], "detect.not_rays");
     send(&site, &file, 1000, &[("upload-metadata", &metadata(&[("name", "again")]))]).await;
 }
@@ -179,6 +180,7 @@ async fn the_length_of_an_upload_is_said_as_the_remedy_has_it() {
     let beyond = append(&site, &short, 0, file.clone(), &[]).await;
     told(&beyond, 413, "upload.beyond_length", "Begin another upload, with the right Upload-Length.");
     send(&site, &file, 5000, &[]).await;
+    let short = begin(&site, 10, &[]).await;
     let twice = append(&site, &short, 0, file[..5].to_vec(), &[("upload-length", "20")]).await;
     told(&twice, 400, "upload.length", "Say it once, with Upload-Defer-Length: 1 at the beginning.");
     let headers = [VERSION, ("upload-defer-length", "1")];

@@ -11,7 +11,7 @@ use super::Api;
 use super::extract::{Page, Path, Query, cut};
 use super::problem::{Problem, SEND_THE_FILE};
 use super::ranges::{Wanted, media_type, wanted};
-use super::sending::Sending;
+use super::sending::{RaySetPage, Sending};
 use axum::Json;
 use axum::body::Body;
 use axum::extract::State;
@@ -19,7 +19,7 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use serde_json::Value;
 use tokio_util::sync::CancellationToken;
 use utoipa::ToSchema;
@@ -243,28 +243,6 @@ pub async fn list(
     let rows = ray_sets::list(records, &access.tenant, wanted, after, limit as i64 + 1).await?;
     let (rows, next) = cut(rows, limit, |row| &row.id);
     Ok(Json(RaySetList { ray_sets: rows.into_iter().map(RaySet::listed).collect(), next }))
-}
-
-/// A page of the list of ray sets.
-#[derive(Debug, Deserialize, utoipa::IntoParams)]
-#[into_params(parameter_in = Query)]
-#[serde(deny_unknown_fields)]
-pub struct RaySetPage {
-    /// Only those called so.
-    name: Option<String>,
-    /// Only those of these bytes: is the file here already?
-    #[param(pattern = "^[0-9A-Fa-f]{64}$")]
-    sha256: Option<String>,
-    /// Only those whose metadata has all of these keys and values: a JSON object of texts.
-    #[param(value_type = Option<String>, example = "{\"order\":\"4711\"}")]
-    #[serde(default, deserialize_with = "Metadata::from_text")]
-    metadata: Metadata,
-    /// Most entries to answer.
-    #[param(minimum = 1, maximum = 100, default = 20)]
-    #[serde(default = "Page::default_limit")]
-    limit: u32,
-    /// The `next` of the page before.
-    after: Option<String>,
 }
 
 /// Tells of a ray set
