@@ -11,7 +11,7 @@ use crate::pipeline::hull::Label;
 use crate::pipeline::model::{Model, Origin};
 use crate::pipeline::vocabulary::space::Axis;
 use crate::pipeline::vocabulary::spectrum::Bands;
-use crate::pipeline::{Declared, Input, Limits, Notice, Options, Outcome, Stage, Total};
+use crate::pipeline::{Declared, Input, Limits, Options, Outcome, Stage, Total};
 use clap::{Args, ValueEnum};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -130,14 +130,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     options.validate()?;
     let folder = &arguments.output;
     make_empty(folder)?;
-    let opened = arguments.files.iter().map(ChannelFile::open).collect::<Result<Vec<_>, Failure>>()?;
-    let (inputs, notices): (Vec<Input>, Vec<Vec<Notice>>) = opened.into_iter().unzip();
+    let inputs = arguments.files.iter().map(ChannelFile::open).collect::<Result<Vec<Input>, Failure>>()?;
     let progress = Progress::start();
     let outcome =
         on_threads(arguments.threads, || crate::pipeline::run(&inputs, &options, &Limits::default(), &progress))?;
     let times = progress.finish();
-    let mut outcome = outcome.map_err(|error| Failure::from(error).at(names(&inputs)))?;
-    outcome.notices.extend(notices.into_iter().flatten());
+    let outcome = outcome.map_err(|error| Failure::from(error).at(names(&inputs)))?;
     write(folder, &outcome)?;
     output::print(summary(&outcome, &times, folder))
 }

@@ -69,11 +69,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         let found = "The file to write is there already.";
         return Err(Failure::usage("convert.exists", found, "Name another, or give --force.").at(place()));
     }
-    let (input, notices) = arguments.file.open()?;
+    let input = arguments.file.open()?;
     let converted = write(&input, format.target(), path)?;
-    let mut table = summary(&input, &converted, format, path);
-    notice_rows(&mut table, &notices);
-    output::print(table)
+    output::print(summary(&input, &converted, format, path))
 }
 
 /// Under another name first: nobody ever sees a part of a file, and what was there stays until all is written.

@@ -35,23 +35,41 @@ pub struct ChannelFile {
     declared: Declared,
 }
 
+/// `input` with what is said of it.
+fn said(mut input: Input, declared: Declared, notices: Vec<Notice>) -> Input {
+    input.declared = declared;
+    input.notices.extend(notices);
+    input
+}
+
 impl ChannelFile {
-    /// Opens the file and reads its spectrum; with what was repaired in that.
+    /// Opens the file and reads its spectrum; what was repaired in that is a notice of the input.
     ///
     /// # Errors
     /// Whatever the disk answers; a spectrum that is refused.
-    pub fn open(&self) -> Result<(Input, Vec<Notice>), Failure> {
+    pub fn open(&self) -> Result<Input, Failure> {
         let (declared, notices) = self.declared()?;
-        Ok((Input { declared, ..file::open(&self.path)? }, notices))
+        Ok(said(file::open(&self.path)?, declared, notices))
     }
 
-    /// The ray files that it is or holds, what is said of each of them, and what was repaired in the spectrum.
+    /// The ray files that it is or holds.
     ///
     /// # Errors
-    /// As [`ChannelFile::open`].
-    pub fn find(&self) -> Result<(RayFiles, Declared, Vec<Notice>), Failure> {
+    /// As [`file::find`].
+    pub fn find(&self) -> Result<RayFiles, Failure> {
+        file::find(&self.path)
+    }
+
+    /// Opens them all, each as [`ChannelFile::open`] would.
+    ///
+    /// # Errors
+    /// A spectrum that is refused. Within: of one of the files, as [`ChannelFile::open`].
+    pub fn open_all<'f>(
+        &self,
+        found: &'f RayFiles,
+    ) -> Result<impl Iterator<Item = Result<Input, Failure>> + use<'f>, Failure> {
         let (declared, notices) = self.declared()?;
-        Ok((file::find(&self.path)?, declared, notices))
+        Ok(found.open_all().map(move |input| Ok(said(input?, declared.clone(), notices.clone()))))
     }
 
     fn declared(&self) -> Result<(Declared, Vec<Notice>), Failure> {
@@ -203,9 +221,9 @@ mod tests {
         std::fs::write(path("a.ray"), "rays").unwrap();
         std::fs::write(path("a.txt"), "0.5 1\n0.6 1\n").unwrap();
         let said = format!("{},spectrum={}", path("a.ray"), path("a.txt"));
-        let (input, notices) = channel(&said).unwrap().open().unwrap();
+        let input = channel(&said).unwrap().open().unwrap();
+        assert_eq!(input.notices[0].code, "spectrum.micrometres");
         assert_eq!(input.declared.spectrum.unwrap().range_nm(), (500.0, 600.0));
-        assert_eq!(notices[0].code, "spectrum.micrometres");
         std::fs::write(path("a.txt"), "0.5 x").unwrap();
         let failure = channel(&said).unwrap().open().err().unwrap();
         assert!(failure.to_string().contains("a.txt"), "{failure}");

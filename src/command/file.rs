@@ -119,7 +119,9 @@ impl RayFiles {
     }
 
     fn open(&self, (place, name): &(usize, String)) -> Result<Input, Failure> {
-        if self.is_packed { self.unpack(*place, name) } else { self.whole() }
+        let input = if self.is_packed { self.unpack(*place, name) } else { self.whole() }?;
+        let left_out = self.left_out.iter().map(|(name, error)| (name.as_str(), error.code()));
+        Ok(Input { notices: pipeline::left_out(&self.name(), left_out), ..input })
     }
 
     /// Only the ray file called `member`.
@@ -128,7 +130,10 @@ impl RayFiles {
             return Err(Failure::from(self.left_out.swap_remove(at).1).at(format!("{}:{member}", self.path.display())));
         }
         match self.rays.iter().position(|(_, name)| name == member) {
-            Some(at) if self.is_packed => Ok(RayFiles { rays: vec![self.rays.swap_remove(at)], ..self }),
+            // Who names one file of several does not miss the others.
+            Some(at) if self.is_packed => {
+                Ok(RayFiles { rays: vec![self.rays.swap_remove(at)], left_out: Vec::new(), ..self })
+            }
             _ => {
                 let found = format!("There is no {member:?} in it. Ray files: {}.", self.names());
                 Err(Failure::usage("file.member", found, "Choose one of these.").at(self.shown()))
@@ -173,7 +178,8 @@ impl RayFiles {
 
     fn whole(&self) -> Result<Input, Failure> {
         let sha256 = digest(self.file.as_ref()).map_err(|error| Failure::disk(&self.path, &error))?;
-        Ok(Input { name: self.name(), sha256, bytes: self.file.clone(), declared: Declared::default() })
+        let bytes = self.file.clone();
+        Ok(Input { name: self.name(), sha256, bytes, declared: Declared::default(), notices: Vec::new() })
     }
 
     /// Unpacks the file at `place`.
@@ -225,7 +231,7 @@ fn into_temporary(member: &mut Member<'_>, name: &str) -> Result<Input, Failure>
     }
     let bytes = Arc::new(OpenFile::new(file).map_err(disk)?);
     let sha256 = digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
-    Ok(Input { name: name.to_owned(), sha256, bytes, declared: Declared::default() })
+    Ok(Input { name: name.to_owned(), sha256, bytes, declared: Declared::default(), notices: Vec::new() })
 }
 
 #[cfg(test)]

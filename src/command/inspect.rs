@@ -28,14 +28,13 @@ pub struct Arguments {
 /// # Errors
 /// A file that cannot be read or is refused; the others in the same packed file are printed all the same.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let (found, declared, notices) = arguments.file.find()?;
+    let found = arguments.file.find()?;
     for (name, error) in &found.left_out {
         eprintln!("left out {} ({}): {}", visible(name), error.code(), visible(&error.to_string()));
     }
     let mut failed = None;
-    for input in found.open_all() {
-        let inspected =
-            input.and_then(|input| one(arguments, &Input { declared: declared.clone(), ..input }, &notices));
+    for input in arguments.file.open_all(&found)? {
+        let inspected = input.and_then(|input| one(arguments, &input));
         if let Some(earlier) = inspected.err().and_then(|new| failed.replace(new)) {
             eprintln!("{earlier}");
         }
@@ -43,7 +42,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     failed.map_or(Ok(()), Err)
 }
 
-fn one(arguments: &Arguments, input: &Input, notices: &[Notice]) -> Result<(), Failure> {
+fn one(arguments: &Arguments, input: &Input) -> Result<(), Failure> {
     let progress = Progress::start();
     let inspected = pipeline::inspect(input, &Limits::default(), &progress);
     progress.finish();
@@ -63,7 +62,6 @@ fn one(arguments: &Arguments, input: &Input, notices: &[Notice]) -> Result<(), F
         ray_rows(&mut table, &inspection);
         check_rows(&mut table, &inspection);
         notice_rows(&mut table, &inspection.notices);
-        notice_rows(&mut table, notices);
         output::print(table)
     }
 }
@@ -124,10 +122,11 @@ fn check_rows(table: &mut Table, found: &Inspection) {
     table.row("verdict", [found.verdict.name().into()]);
 }
 
-/// One line per notice.
+/// One line per notice, with the channel it concerns.
 pub fn notice_rows(table: &mut Table, notices: &[Notice]) {
     for notice in notices {
+        let of = notice.channel.as_ref().map_or(String::new(), |channel| format!(" in {channel}"));
         let first = notice.first_ray.map_or(String::new(), |ray| format!(", first at ray {ray}"));
-        table.row("notices", [format!("{} x {}{first}: {}", notice.code, notice.count, notice.message)]);
+        table.row("notices", [format!("{} x {}{of}{first}: {}", notice.code, notice.count, notice.message)]);
     }
 }

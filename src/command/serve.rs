@@ -273,6 +273,7 @@ impl From<StartError> for Failure {
                  or listen on 127.0.0.1.",
             ),
             StartError::Storage(storage::Error::Unusable(error)) => (error.code(), error.remedy()),
+            StartError::Storage(storage::Error::Unsupported(_, remedy)) => ("serve.storage", *remedy),
             StartError::Storage(_) => (
                 "serve.storage",
                 "See that the data folder is whole and has room, and that the engines named by DATABASE_URL and STORAGE_URL answer.",

@@ -64,7 +64,10 @@ impl From<storage::Error> for Failure {
         if let storage::Error::Unusable(error) = &error {
             return Failure::failed(error.code(), error.to_string(), error.remedy());
         }
-        let remedy = "See that it is the database of the service, that it can be reached, and that its disk has room.";
+        let remedy = match &error {
+            storage::Error::Unsupported(_, remedy) => remedy,
+            _ => "See that it is the database of the service, that it can be reached, and that its disk has room.",
+        };
         Failure::failed("stores.failed", error.to_string(), remedy)
     }
 }

@@ -27,7 +27,7 @@ pub use error::{Error, Fault, Place};
 pub use hull::Emission;
 pub use memory::MemoryNeed;
 pub use rays::channels::Claims;
-pub use rays::container::{Content, Member, Packing, packing, unpack};
+pub use rays::container::{Content, Member, Packing, left_out, packing, unpack};
 pub use rays::declared::{Column, Declared, FluxOverride, Total};
 pub use rays::inspect::checks::{Check, Verdict};
 pub use rays::inspect::{Header, Inspection};

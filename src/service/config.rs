@@ -192,7 +192,10 @@ impl Config {
 
     /// The database to open.
     pub fn database_url(&self) -> String {
-        self.database_url.clone().unwrap_or_else(|| database_file::url(&self.data.join("service.db")))
+        let url = self.database_url.clone().unwrap_or_else(|| database_file::url(&self.data.join("service.db")));
+        // A file that is not there is a first start.
+        let bare = url.starts_with("sqlite:") && !url.contains('?');
+        if bare { format!("{url}?mode=rwc") } else { url }
     }
 
     /// The object store to open.

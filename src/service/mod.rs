@@ -16,6 +16,8 @@ mod hex;
 pub mod calendar;
 /// Which threads give way to those that answer.
 pub mod priority;
+/// Clients' own keys and values.
+pub mod metadata;
 /// Which cryptography TLS uses.
 pub mod tls;
 /// What outlives the process: rows and blobs.

@@ -41,8 +41,13 @@ impl Bench {
         let source = by_name(name).unwrap();
         let mut bytes = Vec::new();
         write_tm25(&source, RAYS, 1, &mut bytes).unwrap();
-        let input =
-            Input { name: name.into(), sha256: "0".repeat(64), bytes: Arc::new(bytes), declared: Declared::default() };
+        let input = Input {
+            name: name.into(),
+            sha256: "0".repeat(64),
+            bytes: Arc::new(bytes),
+            declared: Declared::default(),
+            notices: Vec::new(),
+        };
         let outcome = run(&[input], &Options::default(), &Limits::default(), &Unwatched).unwrap();
         Bench { source, outcome, rows: Vec::new() }
     }

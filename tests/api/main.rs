@@ -60,6 +60,12 @@ mod lines;
 mod submission;
 /// Who is told that jobs have ended.
 mod webhooks;
+/// Clients' own keys and values.
+mod metadata;
+/// What was noticed before a job began.
+mod told;
+/// What problems tell their clients to do.
+mod remedies;
 /// Files that are fetched.
 mod ingest;
 /// Random changes of jobs beside a model of them.

@@ -1,6 +1,8 @@
 """Generates a client in Python and one in TypeScript from `openapi/openapi.json`, and has both do what a client does."""
 
+import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -13,11 +15,35 @@ JUDGES = ROOT / "target/judges"
 CONTRACT = ROOT / "openapi/openapi.json"
 
 
+def operations():
+    """`(path, method, operation)` of everything that the contract offers."""
+    for path, item in json.loads(CONTRACT.read_text())["paths"].items():
+        for method, operation in item.items():
+            yield path, method, operation
+
+
+def missing(what, names):
+    if names:
+        raise SystemExit(f"{what} lacks {', '.join(sorted(names))}")
+
+
 def python(folder):
-    """The command that uses the generated Python."""
+    """The command that uses the generated Python. The generator is used as it comes, and may leave nothing out: no route, no
+    answer of one, no type."""
+    client = folder / "lampwright_client"
     command = [sys.executable, "-m", "openapi_python_client", "generate", "--path", CONTRACT, "--meta", "none"]
-    command += ["--output-path", folder / "lampwright_client", "--config", HERE / "python.yaml", "--fail-on-warning"]
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    command += ["--output-path", client, "--config", HERE / "python.yaml", "--fail-on-warning"]
+    made = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    if made.returncode or "WARNING" in made.stdout:
+        raise SystemExit(f"the generator of the client in Python is not content:\n{made.stdout}")
+    routes = {path.stem for path in client.glob("api/*/*.py")}
+    missing("the client in Python", {operation["operationId"] for _, _, operation in operations()} - routes)
+    known = " ".join(path.read_text() for path in client.glob("models/*.py"))
+    classes = {name.lower() for name in re.findall(r"^class (\w+)", known, re.MULTILINE)}
+    schemas = json.loads(CONTRACT.read_text())["components"]["schemas"]
+    # A choice is a union of its kinds, and a list of numbers a list.
+    named = {name for name, schema in schemas.items() if schema.get("type") == "object" or "enum" in schema}
+    missing("the client in Python", {name for name in named if name.replace("_", "").lower() not in classes})
     return [sys.executable, HERE / "smoke.py"]
 
 
@@ -28,6 +54,16 @@ def typescript(folder):
     for name in ["generate.mjs", "smoke.ts", "tsconfig.json"]:
         (folder / name).write_text((HERE / name).read_text())
     subprocess.run(["node", "generate.mjs", CONTRACT, "lampwright.ts"], cwd=folder, check=True)
+    types = (folder / "lampwright.ts").read_text()
+    # As `paths` has them: `"/v1/jobs": { .. get: operations["list_jobs"]; ..`.
+    missing(
+        "the client in TypeScript",
+        {
+            f"{method} {path}"
+            for path, method, operation in operations()
+            if f'"{path}": {{' not in types or f'{method}: operations["{operation["operationId"]}"];' not in types
+        },
+    )
     subprocess.run(["node", "node_modules/typescript/bin/tsc", "--project", "."], cwd=folder, check=True)
     return ["node", folder / "out/smoke.js"]
 

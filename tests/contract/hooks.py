@@ -23,12 +23,6 @@ FORM = {
 }
 
 
-@schemathesis.serializer("application/offset+octet-stream")
-def bytes_of_tus(context, value):
-    """What tus sends is bytes, whatever it is called."""
-    return {"data": value if isinstance(value, bytes) else str(value).encode()}
-
-
 @schemathesis.hook
 def before_generate_body(context, strategy):
     """Files that the route takes, half of the time; what it refuses otherwise."""

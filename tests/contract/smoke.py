@@ -1,15 +1,19 @@
 """`smoke.py URL KEY RAYS`: a client that openapi-python-client has generated does what a client does."""
 
+import base64
 import io
 import sys
 import time
+import uuid
 import zipfile
 from pathlib import Path
 
 from lampwright_client import AuthenticatedClient
 from lampwright_client.api.artifacts import get_artifact, get_zip, list_artifacts
+from lampwright_client.api.health import metrics
 from lampwright_client.api.jobs import create_job, delete_job, get_job, list_jobs
 from lampwright_client.api.ray_sets import get_origins_drawing, list_ray_sets, upload_ray_set
+from lampwright_client.api.uploads import append_to_upload, create_upload, get_upload
 from lampwright_client.models import (
     ArtifactList,
     Channel,
@@ -23,6 +27,7 @@ from lampwright_client.models import (
     RaySetList,
     State,
     Taken,
+    Upload,
     Zones,
 )
 from lampwright_client.types import File
@@ -58,8 +63,28 @@ names = zipfile.ZipFile(io.BytesIO(packed.payload.read())).namelist()
 assert [artifact.name for artifact in listed.artifacts] == names, (listed, names)
 # A name with a slash in it, and the bytes that were promised.
 ies = next(artifact for artifact in listed.artifacts if artifact.name == "ies/total.ies")
-assert len(get_artifact.sync(str(job.id), ies.name, client=client)) == ies.byte_count
-assert get_origins_drawing.sync(str(ray_set.id), client=client).startswith("<svg")
+assert len(get_artifact.sync(str(job.id), ies.name, client=client).payload.read()) == ies.byte_count
+assert get_origins_drawing.sync(str(ray_set.id), client=client).payload.read().startswith(b"<svg")
+assert "lampwright_" in metrics.sync(client=client)
+
+# A file in two requests, with what the client says of it.
+half = Path(rays).stat().st_size // 2
+whole = Path(rays).read_bytes()
+said = base64.b64encode(b'{"order":"4711"}').decode()
+begun = create_upload.sync_detailed(
+    client=client, body=File(io.BytesIO(whole[:half])), tus_resumable="1.0.0", upload_length=len(whole),
+    upload_metadata=f"metadata {said}",
+)
+assert begun.status_code == 201, begun
+upload = begun.headers["Location"].rsplit("/", 1)[1]
+added = append_to_upload.sync_detailed(
+    upload, client=client, body=File(io.BytesIO(whole[half:])), tus_resumable="1.0.0", upload_offset=half
+)
+assert (added.status_code, added.headers["Upload-Offset"]) == (204, str(len(whole))), added
+known = get_upload.sync(upload, client=client)
+assert isinstance(known, Upload) and known.metadata["order"] == "4711" and known.state == "taken", known
+found = list_ray_sets.sync(client=client, metadata='{"order":"4711"}')
+assert [one.id for one in found.ray_sets] == [uuid.UUID(known.ray_sets[0])], found
 
 ray_sets = list_ray_sets.sync(client=client, limit=1)
 assert isinstance(ray_sets, RaySetList) and [one.id for one in ray_sets.ray_sets] == [ray_set.id], ray_sets

@@ -8,8 +8,13 @@ use std::sync::Arc;
 const RAY_START: usize = 36_288;
 
 fn build(bytes: Vec<u8>) -> Result<Outcome, Error> {
-    let input =
-        Input { name: "bad".into(), sha256: "0".repeat(64), bytes: Arc::new(bytes), declared: Declared::default() };
+    let input = Input {
+        name: "bad".into(),
+        sha256: "0".repeat(64),
+        bytes: Arc::new(bytes),
+        declared: Declared::default(),
+        notices: Vec::new(),
+    };
     run(&[input], &Options::default(), &Limits::default(), &Unwatched)
 }
 

@@ -23,7 +23,13 @@ use std::sync::Arc;
 const LM_PER_W_555: f64 = 683.0;
 
 fn channel(bytes: &[u8], declared: Declared) -> Input {
-    Input { name: "file".into(), sha256: digest(&bytes.to_vec()).unwrap(), bytes: Arc::new(bytes.to_vec()), declared }
+    Input {
+        name: "file".into(),
+        sha256: digest(&bytes.to_vec()).unwrap(),
+        bytes: Arc::new(bytes.to_vec()),
+        declared,
+        notices: Vec::new(),
+    }
 }
 
 fn source(inputs: &[Input], total: Option<Total>) -> Result<Source, Error> {

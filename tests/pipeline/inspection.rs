@@ -1,8 +1,11 @@
 //! Inspections of files whose answers are known: closed forms, files made wrong on purpose, and a real one.
 
 use glam::DVec3;
+use lampwright::pipeline::rays::digest;
 use lampwright::pipeline::rays::synthetic::{self, write_tm25};
-use lampwright::pipeline::{Declared, Input, Inspection, Limits, Unwatched, Verdict, drawings, inspect};
+use lampwright::pipeline::{
+    Declared, Input, Inspection, Limits, Options, Table, Unwatched, Verdict, drawings, inspect, run,
+};
 use serde_json::Value;
 use std::sync::Arc;
 
@@ -10,8 +13,13 @@ const SCHEMA: &str = include_str!("../../openapi/inspection.schema.json");
 const ZEMAX_HEADER: usize = 208;
 
 fn seen(bytes: Vec<u8>) -> Inspection {
-    let input =
-        Input { name: "test".into(), sha256: String::new(), bytes: Arc::new(bytes), declared: Declared::default() };
+    let input = Input {
+        name: "test".into(),
+        sha256: String::new(),
+        bytes: Arc::new(bytes),
+        declared: Declared::default(),
+        notices: Vec::new(),
+    };
     inspect(&input, &Limits::default(), &Unwatched).unwrap()
 }
 
@@ -154,6 +162,15 @@ fn what_is_wrong_is_said() {
     assert!(drawings(&found, "dark").is_empty());
 }
 
+/// Origins slid 2 mm up their rays: the plane they lie on is no longer the chips'.
+fn lifted(rays: &[[f64; 7]]) -> Vec<[f64; 7]> {
+    let lift = |r: &[f64; 7]| {
+        let t = 2.0 / r[5].max(0.05);
+        [r[0] + t * r[3], r[1] + t * r[4], r[2] + t * r[5], r[3], r[4], r[5], r[6]]
+    };
+    rays.iter().filter(|r| r[5] > 0.3).map(lift).collect()
+}
+
 /// What users trip over, each made on purpose: the check that is meant raises a notice, which it does not for the rays as they are.
 #[test]
 fn what_users_trip_over_is_noticed() {
@@ -168,12 +185,7 @@ fn what_users_trip_over_is_noticed() {
     let back: Vec<[f64; 7]> = rays.iter().enumerate().map(turn).collect();
     let long = rays.iter().map(|r| [r[0], r[1], r[2], r[3] * 1.0005, r[4] * 1.0005, r[5] * 1.0005, r[6]]).collect();
     let few = rays[..2000].to_vec();
-    // Origins slid 2 mm up their rays: the plane they lie on is no longer the chips'.
-    let lift = |r: &[f64; 7]| {
-        let t = 2.0 / r[5].max(0.05);
-        [r[0] + t * r[3], r[1] + t * r[4], r[2] + t * r[5], r[3], r[4], r[5], r[6]]
-    };
-    let lifted = rays.iter().filter(|r| r[5] > 0.3).map(lift).collect();
+    let lifted = lifted(&rays);
     let backward = seen(zemax(4, &back)).main_direction.unwrap().backward_share;
     assert!((backward - 0.1).abs() < 1e-3, "{backward}");
     let plain = seen(zemax(4, &rays));
@@ -216,4 +228,101 @@ fn the_published_virtual_focus_is_found() {
     assert!((plane.share - 0.98).abs() < 0.01 && (plane.offset_mm.abs() - 0.02).abs() < 1e-6, "{plane:?}");
     assert_eq!((origins.shape, verdict(&found, "rays.order")), ("box", Verdict::Ok));
     assert_eq!(verdict(&found, "rays.origins"), Verdict::Notice);
+}
+
+/// What an inspection warns of, and by which code a run tells it; codes of its own where reading tells it.
+fn told_as(check: &str) -> &[&str] {
+    match check {
+        "rays.size" => &["rays.unlikely_size"],
+        "rays.total" => &["rays.total_ratio"],
+        "rays.efficacy" => &["rays.efficacy_differs"],
+        "rays.directions" => &["rays.direction_normalized"],
+        "rays.usable" => &["rays.flux_zero"],
+        _ => &[],
+    }
+}
+
+fn as_input(name: &str, bytes: Vec<u8>, declared: Declared) -> Input {
+    Input { name: name.into(), sha256: digest(&bytes).unwrap(), bytes: Arc::new(bytes), declared, notices: Vec::new() }
+}
+
+/// `(code, channel)` of every notice of a run, which report.json and README.txt tell too.
+fn told(inputs: &[Input]) -> Vec<(String, Option<String>)> {
+    let outcome = run(inputs, &Options::default(), &Limits::default(), &Unwatched).unwrap();
+    let file = |name: &str| {
+        let artifact = outcome.artifacts.iter().find(|artifact| artifact.name == name).unwrap();
+        String::from_utf8(artifact.bytes.clone()).unwrap()
+    };
+    let report: Value = serde_json::from_str(&file("report.json")).unwrap();
+    assert_eq!(report["notices"], serde_json::to_value(&outcome.notices).unwrap());
+    let page = file("README.txt");
+    let words: Vec<&str> = page.split_whitespace().collect();
+    for notice in &outcome.notices {
+        let sentence: Vec<&str> = notice.message.split_whitespace().collect();
+        assert!(words.windows(sentence.len()).any(|window| window == sentence), "{}: {page}", notice.code);
+    }
+    outcome.notices.iter().map(|notice| (notice.code.to_string(), notice.channel.clone())).collect()
+}
+
+/// A user who never looks at the inspection is warned by the model all the same: of each channel, once, by its name.
+#[test]
+fn a_run_tells_what_an_inspection_warns_of() {
+    let rays = rays();
+    let mut sorted = rays.clone();
+    sorted.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut spot = rays.clone();
+    spot[77][6] = 1e-3 * rays.len() as f64;
+    let long: Vec<[f64; 7]> =
+        rays.iter().map(|r| [r[0], r[1], r[2], r[3] * 1.0005, r[4] * 1.0005, r[5] * 1.0005, r[6]]).collect();
+    let mut dark = rays.clone();
+    dark[5][6] = 0.0;
+    let lifted = lifted(&rays);
+    let cases: [(i32, &[[f64; 7]]); 7] =
+        [(4, &rays), (4, &sorted), (4, &spot), (4, &long), (4, &dark), (4, &lifted), (0, &rays)];
+    for (unit, rays) in cases {
+        let bytes = zemax(unit, rays);
+        let found = seen(bytes.clone());
+        let notices = told(&[as_input("led", bytes, Declared::default())]);
+        for check in found.checks.iter().filter(|check| check.verdict > Verdict::Ok) {
+            let is = |code: &str| code == check.check || told_as(check.check).contains(&code);
+            let times = notices.iter().filter(|(code, of)| is(code) && of.as_deref() == Some("led")).count();
+            assert_eq!(times, 1, "{}: {notices:?}", check.check);
+        }
+        for check in found.checks.iter().filter(|check| check.verdict == Verdict::Ok) {
+            assert!(!notices.iter().any(|(code, _)| code == check.check), "{}: {notices:?}", check.check);
+        }
+    }
+    // Two channels, also of the same name: each is warned of. What a declaration has answered is not.
+    let named =
+        |name: &str, spectrum: Option<Table>| Declared { name: Some(name.into()), spectrum, ..Declared::default() };
+    let line = || Table::new(&[(550.0, 1.0)]);
+    let (first, second) = (zemax(4, &sorted), zemax(4, &lifted));
+    let channels = [as_input("a", first, named("blue", line())), as_input("b", second, named("blue", line()))];
+    let notices = told(&channels);
+    let of = |wanted: &str| notices.iter().filter(|(code, of)| code == wanted && of.as_deref() == Some("blue")).count();
+    assert_eq!((of("rays.order"), of("rays.origins"), of("rays.spectrum")), (1, 1, 0), "{notices:?}");
+    let both = told(&[
+        as_input("a", zemax(4, &sorted), named("blue", line())),
+        as_input(
+            "b",
+            zemax(4, &sorted.iter().map(|r| [r[0] + 9.0, r[1], r[2], r[3], r[4], r[5], r[6]]).collect::<Vec<_>>()),
+            named("blue", line()),
+        ),
+    ]);
+    assert_eq!(both.iter().filter(|(code, _)| code == "rays.order").count(), 2, "{both:?}");
+}
+
+/// The LED whose origins were moved: its model says so.
+#[test]
+fn a_model_of_a_real_led_says_that_the_origins_are_not_the_emitter() {
+    let name = "mu_rayfile_LERTDUW_S2WP_green_100k_20161013_IES_TM25.TM25RAY";
+    let Some(bytes) = crate::real_files::real(name) else { return };
+    let outcome =
+        run(&[as_input(name, bytes, Declared::default())], &Options::default(), &Limits::default(), &Unwatched)
+            .unwrap();
+    let notice = outcome.notices.iter().find(|notice| notice.code == "rays.origins").unwrap();
+    for part in ["are on one plane", "the origins are not the emitter", "virtual focus", "blurred near the source"] {
+        assert!(notice.message.contains(part), "{part}: {}", notice.message);
+    }
+    assert_eq!(notice.channel.as_deref(), Some(name));
 }

@@ -23,6 +23,7 @@ fn outcome(source: &KnownSource, rays: u64, options: &Options) -> Outcome {
         sha256: "0".repeat(64),
         bytes: Arc::new(bytes),
         declared: Declared::default(),
+        notices: Vec::new(),
     };
     run(&[input], options, &Limits::default(), &Unwatched).unwrap()
 }

@@ -44,6 +44,7 @@ fn a_packed_ray_file_is_the_ray_file() {
         sha256: digest(&bytes).unwrap(),
         bytes: Arc::new(bytes),
         declared: Declared::default(),
+        notices: Vec::new(),
     };
     let (_, out) = unpacked(zstd(&file)).remove(0);
     let of = |bytes| header(&input(bytes), &Limits::default()).unwrap();

@@ -162,21 +162,22 @@ fn rows_without_count_or_end() -> Vec<(&'static str, Vec<u8>, Vec<usize>)> {
 }
 
 /// Codes of the notices of a file that was read, and what is wrong with it.
-fn inspected(whole: &Arc<Vec<u8>>, length: usize) -> Result<Vec<&'static str>, Error> {
+fn inspected(whole: &Arc<Vec<u8>>, length: usize) -> Result<Vec<String>, Error> {
     let bytes = Arc::new(Cut { whole: Arc::clone(whole), length });
     let declared = Declared {
         length_unit: Some(LengthUnit::Millimetre),
         quantity: Some(Quantity::Radiant),
         ..Declared::default()
     };
-    let input = Input { name: "cut".into(), sha256: String::new(), bytes, declared };
+    let input = Input { name: "cut".into(), sha256: String::new(), bytes, declared, notices: Vec::new() };
     let inspection = inspect(&input, &Limits::default(), &Unwatched)?;
-    let wrong = inspection.checks.iter().filter(|check| check.verdict == Verdict::Wrong).map(|check| check.check);
-    Ok(inspection.notices.iter().map(|notice| notice.code).chain(wrong).collect())
+    let wrong =
+        inspection.checks.iter().filter(|check| check.verdict == Verdict::Wrong).map(|check| check.check.to_owned());
+    Ok(inspection.notices.iter().map(|notice| notice.code.clone().into_owned()).chain(wrong).collect())
 }
 
 /// What a cut file is told; `None` where it is read as if nothing were missing.
-fn told(name: &str, whole: &Arc<Vec<u8>>, of_whole: &[&str], length: usize) -> Option<()> {
+fn told(name: &str, whole: &Arc<Vec<u8>>, of_whole: &[String], length: usize) -> Option<()> {
     match inspected(whole, length) {
         // Cut off is a finding of its own: what the whole file is told anyway does not count.
         Ok(codes) => codes.iter().any(|code| !of_whole.contains(code)).then_some(()),

@@ -20,6 +20,7 @@ fn input(bytes: Vec<u8>) -> Input {
         sha256: digest(&bytes).unwrap(),
         bytes: Arc::new(bytes),
         declared: Declared::default(),
+        notices: Vec::new(),
     }
 }
 
@@ -363,8 +364,13 @@ impl Bytes for Broken {
 #[test]
 fn a_failing_medium_is_told() {
     let bytes = Broken(known(&synthetic::by_name("flat-chip").unwrap(), 40_000));
-    let input =
-        Input { name: "test".into(), sha256: String::new(), bytes: Arc::new(bytes), declared: Declared::default() };
+    let input = Input {
+        name: "test".into(),
+        sha256: String::new(),
+        bytes: Arc::new(bytes),
+        declared: Declared::default(),
+        notices: Vec::new(),
+    };
     let error = inspect(&input, &Limits::default(), &Unwatched).err().unwrap();
     assert!(error.to_string().contains("disk on fire"), "{error}");
 }

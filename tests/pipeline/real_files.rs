@@ -113,7 +113,13 @@ pub fn real(name: &str) -> Option<Vec<u8>> {
 }
 
 fn input(name: &str, bytes: Vec<u8>) -> Input {
-    Input { name: name.into(), sha256: digest(&bytes).unwrap(), bytes: Arc::new(bytes), declared: Declared::default() }
+    Input {
+        name: name.into(),
+        sha256: digest(&bytes).unwrap(),
+        bytes: Arc::new(bytes),
+        declared: Declared::default(),
+        notices: Vec::new(),
+    }
 }
 
 fn inspected(name: &str, bytes: Vec<u8>) -> Inspection {
@@ -136,7 +142,7 @@ fn line(name: &str, seen: &Inspection) -> String {
         let short = corner.map(|value| format!("{}", (value * 1e4).round() / 1e4 + 0.0));
         format!("({})", short.join(", "))
     });
-    let notices: Vec<&str> = seen.notices.iter().map(|notice| notice.code).collect();
+    let notices: Vec<&str> = seen.notices.iter().map(|notice| notice.code.as_ref()).collect();
     let (watt, lumen) = (total(seen.flux.radiant_w), total(seen.flux.luminous_lm));
     let unit = seen.header.length_unit.unwrap_or("unknown");
     let format = seen.header.format.name();
@@ -168,7 +174,7 @@ fn every_file_is_what_is_written_of_it() {
             let origins = seen.origins_mm.unwrap();
             assert!(!off(origins.min, min) && !off(origins.max, max), "{name}: {:?}", seen.origins_mm);
         }
-        let codes: Vec<&str> = seen.notices.iter().map(|notice| notice.code).collect();
+        let codes: Vec<&str> = seen.notices.iter().map(|notice| notice.code.as_ref()).collect();
         assert_eq!(codes, row.notices, "{name}");
     }
     for (name, code) in NO_RAYS {

@@ -16,7 +16,7 @@ fn rays(name: &str) -> Option<Vec<RawRay>> {
 /// The model of a file under a name and digest that say nothing, so that two containers can give the same bytes.
 fn model(name: &str) -> Option<Outcome> {
     let (name, sha256, bytes) = ("container".into(), "0".repeat(64), Arc::new(real(name)?));
-    let input = Input { name, sha256, bytes, declared: Declared::default() };
+    let input = Input { name, sha256, bytes, declared: Declared::default(), notices: Vec::new() };
     Some(run(&[input], &Options::default(), &Limits::default(), &Unwatched).unwrap())
 }
 

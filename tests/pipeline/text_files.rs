@@ -100,7 +100,13 @@ fn a_model_is_the_same_on_any_number_of_threads() {
         quantity: Some(Quantity::Luminous),
         ..Declared::default()
     };
-    let input = Input { name: "columns".into(), sha256: String::new(), bytes: Arc::new(text.into_bytes()), declared };
+    let input = Input {
+        name: "columns".into(),
+        sha256: String::new(),
+        bytes: Arc::new(text.into_bytes()),
+        declared,
+        notices: Vec::new(),
+    };
     let built = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| run(std::slice::from_ref(&input), &Options::default(), &Limits::default(), &Unwatched).unwrap())

@@ -14,6 +14,9 @@ mod server;
 /// The data folder, and what is none.
 #[cfg(test)]
 mod disk;
+/// What people are told to do.
+#[cfg(test)]
+mod remedies;
 /// What means harm.
 #[cfg(test)]
 mod hostile;
@@ -183,6 +186,29 @@ fn build_writes_what_the_service_would_and_says_where_the_light_went() {
     for line in ["error detect.not_rays", "what", "where  chip.tm25ray", "do"] {
         assert!(told.contains(line), "{line}: {told}");
     }
+}
+
+/// What was left out of a packed file, what was repaired in a spectrum and what an inspection warns of: in the table and in the
+/// files, as a job has it in its notices.
+#[test]
+fn build_tells_what_a_user_must_know_before_the_model_is_trusted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let lamp = packing::zip(&[("led.dat", &rays::zemax(3000)), ("other half.txt", b"Measured elsewhere.")]);
+    std::fs::write(path("lamp.zip"), lamp).unwrap();
+    std::fs::write(path("led.txt"), "0.54 0\n0.55 1\n0.56 0\n").unwrap();
+    let said = format!("{},spectrum={}", path("lamp.zip"), path("led.txt"));
+    let built = lampwright(&["build", &said, "-o", &path("out")]);
+    assert!(built.status.success(), "{built:?}");
+    let table = String::from_utf8(built.stdout).unwrap();
+    let report: Value = serde_json::from_slice(&std::fs::read(path("out/report.json")).unwrap()).unwrap();
+    let page = std::fs::read_to_string(path("out/README.txt")).unwrap();
+    // All rays go along +Z, and 3000 are few.
+    for code in ["container.left_out", "spectrum.micrometres", "rays.focus", "rays.noise"] {
+        let told = report["notices"].as_array().unwrap().iter().filter(|notice| notice["code"] == code).count();
+        assert_eq!((told, page.contains(code), table.matches(code).count()), (1, true, 1), "{code}: {table}");
+    }
+    assert!(table.contains("other half.txt"), "{table}");
 }
 
 #[test]

@@ -11,6 +11,7 @@ use lampwright::service::access::keys::{self, NewKey};
 use lampwright::service::access::quota::Quota;
 use lampwright::service::jobs::channels::FileDeclaration;
 use lampwright::service::jobs::worker::Runner;
+use lampwright::service::metadata::Metadata;
 use lampwright::service::pace::Slowest;
 use lampwright::service::storage::Storage;
 use lampwright::service::storage::blobs::Blobs;
@@ -199,6 +200,7 @@ pub async fn known(storage: &Storage, id: &str) {
         header: "{}".into(),
         declared: FileDeclaration::default(),
         packed: None,
+        metadata: Metadata::default(),
         created_ms: 0,
     };
     let draft = Draft { ray_set: row, parts: Vec::new(), inspection: Inspection::default() };

@@ -102,9 +102,10 @@ pub fn write(model: &Model, options: &RunOptions, watch: StageWatch<'_>) -> Resu
     watch.step(0.8)?;
     artifacts.push(svg::hull::exitance_map(model));
     watch.step(0.9)?;
-    artifacts.push(report::artifact(model, options, &notices(model).to_vec())?);
+    let notices = notices(model).to_vec();
+    artifacts.push(report::artifact(model, options, &notices)?);
     let names: Vec<&str> = artifacts.iter().map(|artifact| artifact.name.as_str()).collect();
-    artifacts.insert(0, readme::artifact(model, &names));
+    artifacts.insert(0, readme::artifact(model, &notices, &names));
     watch.step(1.0)?;
     Ok(artifacts)
 }

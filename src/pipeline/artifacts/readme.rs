@@ -1,6 +1,7 @@
 //! `README.txt` of the zip: frame, units, counts, what each file is.
 
 use super::super::model::Model;
+use super::super::vocabulary::notice::Notice;
 use super::super::vocabulary::space::Axis;
 use super::Artifact;
 use super::number::text;
@@ -18,8 +19,13 @@ const MEANINGS: [(&str, &str); 8] = [
     ("report.json", "what was read, what was done, where every ray went, what to be careful about"),
 ];
 
-/// The page; `names` are all other files of the zip.
-pub fn artifact(model: &Model, names: &[&str]) -> Artifact {
+/// Longest line of a notice, in characters, unless a single word is longer.
+const LINE_CHARS: usize = 100;
+/// Most characters of a notice: a channel's name and foreign texts are part of it.
+const NOTICE_CHARS: usize = 2000;
+
+/// The page; `notices` are those of writing the other artifacts, `names` are all other files of the zip.
+pub fn artifact(model: &Model, notices: &[Notice], names: &[&str]) -> Artifact {
     let goniograms = &model.goniograms;
     let frame = &goniograms.frame;
     let flux = |value: Option<f64>, unit: &str| value.map(|value| format!("{} {unit}", text(value, 6)));
@@ -65,10 +71,43 @@ pub fn artifact(model: &Model, names: &[&str]) -> Artifact {
             lines.push(format!("{files:<22} {meaning}"));
         }
     }
+    lines.extend(careful(model, notices));
     lines.push(String::new());
     Artifact {
         name: "README.txt".to_owned(),
         media_type: "text/plain; charset=utf-8",
         bytes: lines.join("\r\n").into_bytes(),
     }
+}
+
+/// Everything noticed, a paragraph each, under a heading; nothing where nothing was.
+fn careful(model: &Model, notices: &[Notice]) -> Vec<String> {
+    let mut lines = Vec::new();
+    for notice in model.notices.iter().chain(notices) {
+        if lines.is_empty() {
+            lines.extend([String::new(), "Be careful (notices in report.json):".to_owned()]);
+        }
+        let channel = notice.channel.as_ref().filter(|_| model.origins.len() > 1);
+        let of = channel.map_or(String::new(), |name| format!(", {name}"));
+        let times = if notice.count > 1 { format!(" ({} times)", notice.count) } else { String::new() };
+        let told = format!("{}{of}{times}: {}", notice.code, notice.message);
+        lines.extend(wrapped(&super::svg::one_line(&told, NOTICE_CHARS)));
+    }
+    lines
+}
+
+/// A paragraph of lines of at most [`LINE_CHARS`] characters, indented, the first with a dash.
+fn wrapped(text: &str) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split(' ') {
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= LINE_CHARS => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            Some(_) => lines.push(format!("  {word}")),
+            None => lines.push(format!("- {word}")),
+        }
+    }
+    lines
 }

@@ -120,7 +120,7 @@ impl Model {
         goniograms: Goniograms,
         watch: StageWatch<'_>,
     ) -> Result<Model, Error> {
-        let stages = [&source.notices, &hull.notices, &surface.notices, &goniograms.notices];
+        let stages = [&source.findings, &source.notices, &hull.notices, &surface.notices, &goniograms.notices];
         let notices = stages.into_iter().flat_map(|notices| notices.to_vec()).collect();
         let origins = source.channels.iter().map(Origin::of).collect();
         watch.step(1.0)?;

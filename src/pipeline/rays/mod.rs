@@ -71,7 +71,7 @@ pub use source::{Ray, Source};
 
 use super::error::{Error, Place};
 use super::vocabulary::limits::Limits;
-use super::vocabulary::notice::Notices;
+use super::vocabulary::notice::{Notice, Notices};
 use super::vocabulary::spectrum::Table;
 use super::vocabulary::units::{Flux, LengthUnit};
 use super::vocabulary::watch::StageWatch;
@@ -118,6 +118,9 @@ pub struct Input {
     pub bytes: Arc<dyn Bytes>,
     /// What the user says of them.
     pub declared: Declared,
+    /// What was noticed of the file, or of what is declared of it, before it came here: repairs of its spectrum, files that
+    /// were left out where it was unpacked.
+    pub notices: Vec<Notice>,
 }
 
 impl Input {

@@ -14,7 +14,8 @@ use super::channels::{self, Candidate};
 use super::check::{self, Checked};
 use super::chunks;
 use super::conversion::Conversion;
-use super::survey::{Reading, Survey, survey};
+use super::inspect;
+use super::survey::{Reading, Survey};
 use super::{Declared, Facts, Input, Options, RawRay, RaySet, SpectralData, Total, open, totals};
 use glam::DVec3;
 use std::sync::Arc;
@@ -209,6 +210,8 @@ pub struct Source {
     pub survey: Survey,
     /// All notices of reading.
     pub notices: Notices,
+    /// What the checks of an inspection find in its channels.
+    pub findings: Notices,
 }
 
 impl Source {
@@ -223,29 +226,33 @@ impl Source {
         let known = channels::judge(&candidates(inputs, &sets))?;
         let asked = bands::asked(options)?;
         let all: u64 = sets.iter().map(|set| set.facts.ray_count).sum();
-        let mut notices = Notices::default();
+        let (mut notices, mut findings) = (Notices::default(), Notices::default());
         let (mut channels, mut first_index) = (Vec::new(), 0);
         let mut outside = Vec::new();
-        for ((input, set), flux) in inputs.iter().zip(sets).zip(fluxes) {
+        for (index, ((input, set), flux)) in inputs.iter().zip(sets).zip(fluxes).enumerate() {
             let end = first_index + set.facts.ray_count;
-            let done = |index: u64| index as f64 / all.max(1) as f64;
+            let done = |ray: u64| ray as f64 / all.max(1) as f64;
             let part = watch.part(done(first_index), done(end));
-            let reading = survey(&set, known.radiant, asked.bands(), limits, part)?;
-            notices.merge(&set.facts.notices);
-            notices.merge(&reading.notices);
+            let (reading, evidence) = inspect::observed(&set, known.radiant, asked.bands(), part)?;
+            reading.judge(limits)?;
             outside.push(reading.outside);
-            let channel = Channel::new(input, set, reading, flux, known.radiant, &mut notices);
-            let channel = channel.map_err(|error| error.of_channel(channels.len()))?;
+            let found = inspect::findings(&set.facts, input.bytes.len(), known.radiant, &reading, evidence)?;
+            findings.merge_of_channel(index, input.channel_name(), found.iter());
+            let channel = Channel::new(input, set, reading, flux, known.radiant);
+            let (channel, told) = channel.map_err(|error| error.of_channel(index))?;
+            notices.merge_of_channel(index, &channel.name, input.notices.iter().chain(told.iter()));
             channels.push(Channel { first_index, ..channel });
             first_index = end;
         }
         let mut whole = Survey::empty();
         channels.iter().for_each(|channel| whole.merge(&channel.survey));
-        totals::notice_size(&whole, &mut notices);
+        if notices.count_of(totals::UNLIKELY_SIZE) == 0 {
+            totals::notice_size(&whole, &mut notices);
+        }
         let bands = asked.settle(&channels, &outside, &mut notices);
         let spectral = Spectral::of(&mut channels, bands, known.radiant, &mut notices);
         let flux = known.sum(channels.iter().map(|channel| channel.flux));
-        Ok(Source { channels, flux, spectral, survey: whole, notices })
+        Ok(Source { channels, flux, spectral, survey: whole, notices, findings })
     }
 
     /// One pass over all usable rays. `work` sees each chunk (up to [`CHUNK_RAYS`] rays, in file order) on some
@@ -336,28 +343,31 @@ fn candidates<'a>(inputs: &'a [Input], sets: &'a [RaySet]) -> Vec<Candidate<'a>>
 }
 
 impl Channel {
+    /// The channel, and what was noticed as it was read.
     fn new(
         input: &Input,
         set: RaySet,
         reading: Reading,
         fixed: Option<Total>,
         radiant: bool,
-        notices: &mut Notices,
-    ) -> Result<Channel, Error> {
+    ) -> Result<(Channel, Notices), Error> {
         let (facts, sums) = (&set.facts, &reading.sums);
+        let mut notices = facts.notices.clone();
+        notices.merge(&reading.notices);
         let mut conversion = Conversion::of(facts).scaled(facts, sums);
         if let Some(total) = fixed {
             conversion = conversion.fixed(sums, total)?;
         }
         let flux = conversion.totals(sums);
         match fixed {
-            None => totals::judge(facts, sums, &flux, notices)?,
-            Some(_) => totals::judge_declared(facts, sums, &flux, notices)?,
+            None => totals::judge(facts, sums, &flux, &mut notices)?,
+            Some(_) => totals::judge_declared(facts, sums, &flux, &mut notices)?,
         }
+        totals::notice_size(&reading.survey, &mut notices);
         let mut survey = reading.survey;
         let scale = conversion.scale(radiant);
         survey.directions.flux.iter_mut().for_each(|flux| *flux *= scale);
-        Ok(Channel {
+        let channel = Channel {
             name: input.channel_name().to_owned(),
             file: input.name.clone(),
             sha256: input.sha256.clone(),
@@ -370,7 +380,8 @@ impl Channel {
             set,
             conversion,
             first_column: 0,
-        })
+        };
+        Ok((channel, notices))
     }
 }
 

@@ -185,7 +185,7 @@ pub struct Reading {
     moment: DVec3,
 }
 
-/// Who looks on while rays are surveyed. `()` looks away.
+/// Who looks on while rays are surveyed.
 pub trait Witness: Send {
     /// Ray `index` as stored and as checked; `weight` is its flux at scale 1.
     fn see(&mut self, index: u64, raw: &RawRay, checked: &Checked, weight: f64);
@@ -195,33 +195,12 @@ pub trait Witness: Send {
     fn merge(&mut self, later: Self);
 }
 
-impl Witness for () {
-    fn see(&mut self, _index: u64, _raw: &RawRay, _checked: &Checked, _weight: f64) {}
-    fn see_flawed(&mut self, _raw: &RawRay, _flaw: Flaw) {}
-    fn merge(&mut self, _later: ()) {}
-}
-
-/// Reads and checks every ray of `set` once; `radiant` chooses the quantity that weights places and directions.
-///
-/// # Errors
-/// [`Error::Cancelled`], [`Error::Unreadable`], too many refused, none usable.
-pub fn survey(
-    set: &RaySet,
-    radiant: bool,
-    bands: &Bands,
-    limits: &Limits,
-    watch: StageWatch<'_>,
-) -> Result<Reading, Error> {
-    let (reading, ()) = witnessed(set, radiant, bands, watch, || ())?;
-    reading.judge(limits)?;
-    Ok(reading)
-}
-
-/// As [`survey`], but without a judgement, and with a witness made by `fresh` for each chunk.
+/// Reads and checks every ray of `set` once, without a judgement, with a witness made by `fresh` for each chunk; `radiant`
+/// chooses the quantity that weights places and directions.
 ///
 /// # Errors
 /// [`Error::Cancelled`]; as [`super::Records::read`].
-pub fn witnessed<W: Witness>(
+pub fn survey<W: Witness>(
     set: &RaySet,
     radiant: bool,
     bands: &Bands,

@@ -14,6 +14,9 @@ pub const EFFICACY_NOTICED: f64 = 0.05;
 /// Boxes larger or smaller than this, mm, are seldom light sources but often wrong units.
 pub const LIKELY_SIZE_MM: (f64, f64) = (1e-3, 1e3);
 
+/// Code of the notice that a box looks like a wrong unit.
+pub const UNLIKELY_SIZE: &str = "rays.unlikely_size";
+
 /// Ray sum over header total, of the quantity that is both stored per ray and in the header.
 pub fn ratio(facts: &Facts, sums: &Sums) -> Option<f64> {
     let radiant = facts.header_flux.radiant_w.filter(|_| facts.has_radiant).map(|header| sums.radiant / header);
@@ -87,6 +90,6 @@ pub fn notice_size(survey: &Survey, notices: &mut Notices) {
     let size = survey.bounds_mm.size().max_element();
     if size > LIKELY_SIZE_MM.1 || (size > 0.0 && size < LIKELY_SIZE_MM.0) {
         let told = format!("The origins span {size} mm: the length unit of the file may be wrong.");
-        notices.add("rays.unlikely_size", told);
+        notices.add(UNLIKELY_SIZE, told);
     }
 }

@@ -7,7 +7,7 @@ use super::Api;
 use super::extract::Path;
 use super::jobs::find;
 use super::problem::Problem;
-use super::ranges::{Wanted, wanted};
+use super::ranges::{Wanted, media_type, wanted};
 use axum::Json;
 use axum::body::Body;
 use axum::extract::State;
@@ -87,7 +87,8 @@ pub async fn list(
 
 /// Downloads an artifact
 ///
-/// Whole or in parts; the entity tag is its SHA-256.
+/// Whole or in parts; the entity tag is its SHA-256. Its own media type, or application/octet-stream where `Accept` names only
+/// that.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/artifacts/{*name}", tag = "artifacts", operation_id = "get_artifact",
     params(
@@ -97,8 +98,8 @@ pub async fn list(
         ("If-Range" = Option<String>, Header, description = "the entity tag that the range is of"),
     ),
     responses(
-        (status = 200, body = inline(super::AnyFile), content_type = "*/*", description = "its bytes", headers(("ETag" = String, description = "its SHA-256"))),
-        (status = 206, body = inline(super::AnyFile), content_type = "*/*", description = "the bytes asked for", headers(("Content-Range" = String, description = "which they are"))),
+        (status = 200, content((inline(super::AnyFile) = "*/*"), (inline(super::Binary) = "application/octet-stream")), description = "its bytes", headers(("ETag" = String, description = "its SHA-256"))),
+        (status = 206, content((inline(super::AnyFile) = "*/*"), (inline(super::Binary) = "application/octet-stream")), description = "the bytes asked for", headers(("Content-Range" = String, description = "which they are"))),
         (status = 304, description = "the client has it"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job or artifact"),
         (status = 416, body = Problem, content_type = "application/problem+json", description = "a range outside the file"),
@@ -118,7 +119,8 @@ pub async fn download(
 
 /// Downloads everything in one zip
 ///
-/// Whole or in parts; the entity tag is its SHA-256.
+/// Whole or in parts; the entity tag is its SHA-256. Its own media type, or application/octet-stream where `Accept` names only
+/// that.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/model.zip", tag = "artifacts", operation_id = "get_zip",
     params(
@@ -128,8 +130,8 @@ pub async fn download(
         ("If-Range" = Option<String>, Header, description = "the entity tag that the range is of"),
     ),
     responses(
-        (status = 200, body = inline(super::Binary), content_type = "application/zip", description = "its bytes", headers(("ETag" = String, description = "its SHA-256"))),
-        (status = 206, body = inline(super::Binary), content_type = "application/zip", description = "the bytes asked for", headers(("Content-Range" = String, description = "which they are"))),
+        (status = 200, content((inline(super::Binary) = "application/zip"), (inline(super::Binary) = "application/octet-stream")), description = "its bytes", headers(("ETag" = String, description = "its SHA-256"))),
+        (status = 206, content((inline(super::Binary) = "application/zip"), (inline(super::Binary) = "application/octet-stream")), description = "the bytes asked for", headers(("Content-Range" = String, description = "which they are"))),
         (status = 304, description = "the client has it"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job, or no result yet"),
         (status = 416, body = Problem, content_type = "application/problem+json", description = "a range outside the file"),
@@ -167,11 +169,19 @@ async fn send(api: &Api, id: &str, name: &str, method: &Method, headers: &Header
         false => Body::from_stream(api.storage.blobs.stream(&artifact.blob, range.clone()).await?),
     };
     let mut response = (status, body).into_response();
-    describe(response.headers_mut(), &artifact, &etag, status, &range);
+    let media_type = media_type(headers, &artifact.media_type);
+    describe(response.headers_mut(), &artifact, media_type, &etag, status, &range);
     Ok(response)
 }
 
-fn describe(headers: &mut HeaderMap, artifact: &StoredArtifact, etag: &str, status: StatusCode, range: &Range<u64>) {
+fn describe(
+    headers: &mut HeaderMap,
+    artifact: &StoredArtifact,
+    media_type: &str,
+    etag: &str,
+    status: StatusCode,
+    range: &Range<u64>,
+) {
     let mut set = |name, value: String| {
         // Only our own names and numbers: always a legal header.
         if let Ok(value) = HeaderValue::try_from(value) {
@@ -185,7 +195,8 @@ fn describe(headers: &mut HeaderMap, artifact: &StoredArtifact, etag: &str, stat
         return;
     }
     set(header::ACCEPT_RANGES, "bytes".into());
-    set(header::CONTENT_TYPE, artifact.media_type.clone());
+    set(header::CONTENT_TYPE, media_type.to_owned());
+    set(header::VARY, "accept".into());
     set(header::CONTENT_LENGTH, (range.end - range.start).to_string());
     set(header::CONTENT_DISPOSITION, format!("attachment; filename=\"{}\"", file_name(&artifact.name)));
     if status == StatusCode::PARTIAL_CONTENT {

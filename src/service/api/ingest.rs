@@ -2,6 +2,7 @@
 
 use super::super::access::Access;
 use super::super::jobs::channels::{FileDeclaration, LengthUnit, QuantityName};
+use super::super::metadata::Metadata;
 use super::super::upload::{Announcement, in_query};
 use super::Api;
 use super::extract::Body;
@@ -37,6 +38,9 @@ pub struct Elsewhere {
     /// What stands in each column, for text in columns only.
     #[serde(default)]
     columns: Option<Vec<String>>,
+    /// The client's own keys and values, which every ray set that comes of it gets.
+    #[serde(default)]
+    metadata: Metadata,
 }
 
 impl Elsewhere {
@@ -54,6 +58,7 @@ impl Elsewhere {
             name: plain(self.name.as_deref().unwrap_or(&last), "rays")?,
             sha256: self.sha256.map(|sha256| sha256.to_ascii_lowercase()).into_iter().collect(),
             declared,
+            metadata: self.metadata,
             gone: CancellationToken::new(),
             ..Announcement::default()
         })

@@ -4,6 +4,7 @@ use super::super::access::Access;
 use super::super::jobs::channels::{Channel, TotalFlux};
 use super::super::jobs::options::JobOptions;
 use super::super::jobs::{Failure, Priority, State as JobState, StoredNotice, query};
+use super::super::metadata::Metadata;
 use super::Api;
 use super::artifacts::href;
 use super::events::{self, Waiting};
@@ -58,6 +59,8 @@ pub struct Job {
     /// Longest that an attempt may take, s; null is the service's own limit.
     #[schema(required)]
     timeout_s: Option<u32>,
+    /// The client's own keys and values.
+    metadata: Metadata,
     /// Most memory that computing it is expected to need, bytes.
     memory_bytes: u64,
     /// Only in the answer to a request that would have made a job: true when this one was there before.
@@ -66,7 +69,7 @@ pub struct Job {
     /// Why it failed, if it did.
     #[schema(required)]
     problem: Option<JobProblem>,
-    /// What was repaired, dropped or odd, once it has succeeded.
+    /// What was repaired, dropped or odd, and what an inspection of each channel warns of, once it has succeeded.
     notices: Vec<StoredNotice>,
     /// When it was accepted, epoch ms.
     created_ms: i64,
@@ -168,6 +171,7 @@ impl From<query::Job> for Job {
             options: row.options,
             priority: row.priority,
             timeout_s: row.timeout_s,
+            metadata: row.metadata,
             memory_bytes: row.memory_bytes,
             reused: None,
             problem: row.failure.map(JobProblem::from),
@@ -225,6 +229,7 @@ pub async fn list(
         priority: page.priority,
         created_after_ms: page.created_after_ms,
         created_before_ms: page.created_before_ms,
+        metadata: page.metadata,
     };
     let rows = query::list(&api.storage.records, &access.tenant, &filter, after, limit as i64 + 1).await?;
     let (rows, next) = cut(rows, limit, |row| &row.id);
@@ -252,6 +257,10 @@ pub struct JobPage {
     #[param(minimum = 0)]
     #[serde(default, deserialize_with = "moment")]
     created_before_ms: Option<i64>,
+    /// Only jobs whose metadata has all of these keys and values: a JSON object of texts.
+    #[param(value_type = Option<String>, example = "{\"order\":\"4711\"}")]
+    #[serde(default, deserialize_with = "Metadata::from_text")]
+    metadata: Metadata,
     /// Most entries to answer.
     #[param(minimum = 1, maximum = 100, default = 20)]
     #[serde(default = "Page::default_limit")]

@@ -63,6 +63,28 @@ fn part(range: &str, byte_count: u64) -> Wanted {
     Wanted::Part(start..end.saturating_add(1).min(byte_count))
 }
 
+/// A client that reads nothing but plain bytes says so.
+const OCTETS: &str = "application/octet-stream";
+
+/// The media type that a file is sent as: its own, unless `Accept` names plain bytes and nothing that its own type is.
+pub fn media_type<'a>(headers: &HeaderMap, own: &'a str) -> &'a str {
+    let essence = own.split(';').next().unwrap_or_default().trim();
+    let family = essence.split('/').next().unwrap_or_default();
+    let accepted = headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok());
+    let named =
+        accepted.flat_map(|value| value.split(',')).map(|range| range.split(';').next().unwrap_or_default().trim());
+    let mut octets = false;
+    for range in named {
+        let (kind, rest) = range.split_once('/').unwrap_or((range, "*"));
+        let fits_family = kind.eq_ignore_ascii_case(family) && rest == "*";
+        if kind == "*" || fits_family || range.eq_ignore_ascii_case(essence) {
+            return own;
+        }
+        octets |= range.eq_ignore_ascii_case(OCTETS);
+    }
+    if octets { OCTETS } else { own }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -110,5 +132,21 @@ mod tests {
     fn an_empty_file_has_no_range() {
         let headers = [(header::RANGE, "bytes=0-0".parse().unwrap())].into_iter().collect();
         assert_eq!(wanted(&headers, "\"tag\"", 0), Wanted::Unsatisfiable);
+    }
+
+    #[test]
+    fn a_file_has_its_own_type_unless_only_plain_bytes_are_accepted() {
+        let asked = |accept: &[&str]| {
+            let values = accept.iter().map(|value| (header::ACCEPT, value.parse().unwrap()));
+            let headers: HeaderMap = values.collect();
+            media_type(&headers, "text/csv; charset=utf-8").to_owned()
+        };
+        let own = "text/csv; charset=utf-8";
+        for accept in [&[][..], &["*/*"], &["text/*"], &["TEXT/csv;q=0.5, application/octet-stream"], &["image/png"]] {
+            assert_eq!(asked(accept), own, "{accept:?}");
+        }
+        for accept in [&["application/octet-stream"][..], &["image/png", "Application/Octet-Stream; q=0.9"]] {
+            assert_eq!(asked(accept), "application/octet-stream", "{accept:?}");
+        }
     }
 }

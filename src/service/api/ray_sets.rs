@@ -2,14 +2,15 @@
 
 use super::super::access::Access;
 use super::super::jobs::channels::FileDeclaration;
+use super::super::metadata::Metadata;
 use super::super::storage::inspections::{self, Drawing};
 use super::super::storage::ray_sets::{self, Deletion};
 use super::super::upload::{self, Announcement, LeftOut};
 use super::Api;
 use super::extract::{Page, Path, Query, cut};
-use super::problem::Problem;
-use super::ranges::{Wanted, wanted};
-use super::sending::Sending;
+use super::problem::{Problem, SEND_THE_FILE};
+use super::ranges::{Wanted, media_type, wanted};
+use super::sending::{RaySetPage, Sending};
 use axum::Json;
 use axum::body::Body;
 use axum::extract::State;
@@ -17,7 +18,7 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use serde_json::Value;
 use tokio_util::sync::CancellationToken;
 use utoipa::ToSchema;
@@ -52,6 +53,8 @@ pub struct RaySet {
     /// The packed file it came in; null where it came by itself.
     #[schema(required)]
     packed: Option<Packed>,
+    /// The client's own keys and values.
+    metadata: Metadata,
     /// When it was complete, epoch ms.
     created_ms: i64,
     /// Where it is.
@@ -65,6 +68,8 @@ pub struct Packed {
     name: String,
     /// SHA-256 of its bytes, lower-case hex.
     sha256: String,
+    /// What else was in it, and why it is no ray set; at most 100 of them.
+    left_out: Vec<LeftOut>,
 }
 
 /// What came of an upload.
@@ -111,7 +116,8 @@ impl From<ray_sets::RaySet> for RaySet {
             header: serde_json::from_str(&row.header).unwrap_or_default(),
             declared: row.declared,
             inspection: None,
-            packed: row.packed.map(|ray_sets::Packed { name, sha256 }| Packed { name, sha256 }),
+            packed: row.packed.map(|ray_sets::Packed { name, sha256, left_out }| Packed { name, sha256, left_out }),
+            metadata: row.metadata,
             created_ms: row.created_ms,
         }
     }
@@ -181,7 +187,8 @@ pub async fn upload(
         return Err(Problem::draining());
     }
     let declared = sending.declaration()?;
-    let mut announcement = Announcement { declared, ..announcement(sending.name, &headers, "rays")? };
+    let metadata = sending.metadata;
+    let mut announcement = Announcement { declared, metadata, ..announcement(sending.name, &headers, "rays")? };
     if announcement.byte_count.is_some_and(|bytes| bytes > api.intake.max_bytes) {
         return Err(upload::Error::TooLarge(api.intake.max_bytes).into());
     }
@@ -230,29 +237,11 @@ pub async fn list(
     if sha256.as_ref().is_some_and(|digest| digest.len() != 64 || !digest.bytes().all(|b| b.is_ascii_hexdigit())) {
         return Err(Problem::out_of_range("sha256", "64 hexadecimal digits"));
     }
-    let wanted = ray_sets::Wanted { name, sha256: sha256.as_deref() };
+    let wanted = ray_sets::Wanted { name, sha256: sha256.as_deref(), metadata: page.metadata };
     let (records, after) = (&api.storage.records, page.after.as_deref());
     let rows = ray_sets::list(records, &access.tenant, wanted, after, limit as i64 + 1).await?;
     let (rows, next) = cut(rows, limit, |row| &row.id);
     Ok(Json(RaySetList { ray_sets: rows.into_iter().map(RaySet::listed).collect(), next }))
-}
-
-/// A page of the list of ray sets.
-#[derive(Debug, Deserialize, utoipa::IntoParams)]
-#[into_params(parameter_in = Query)]
-#[serde(deny_unknown_fields)]
-pub struct RaySetPage {
-    /// Only those called so.
-    name: Option<String>,
-    /// Only those of these bytes: is the file here already?
-    #[param(pattern = "^[0-9A-Fa-f]{64}$")]
-    sha256: Option<String>,
-    /// Most entries to answer.
-    #[param(minimum = 1, maximum = 100, default = 20)]
-    #[serde(default = "Page::default_limit")]
-    limit: u32,
-    /// The `next` of the page before.
-    after: Option<String>,
 }
 
 /// Tells of a ray set
@@ -285,7 +274,7 @@ async fn find(api: &Api, access: &Access, id: &str) -> Result<ray_sets::RaySet, 
         ("If-None-Match" = Option<String>, Header, description = "entity tags the client has"),
     ),
     responses(
-        (status = 200, body = String, content_type = "image/svg+xml", description = "the drawing", headers(("ETag" = String, description = "its SHA-256"))),
+        (status = 200, content((String = "image/svg+xml"), (inline(super::Binary) = "application/octet-stream")), description = "the drawing; as plain bytes where `Accept` names only application/octet-stream", headers(("ETag" = String, description = "its SHA-256"))),
         (status = 304, description = "the client has it"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such ray set or drawing"),
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
@@ -310,7 +299,7 @@ pub async fn origins(
         ("If-None-Match" = Option<String>, Header, description = "entity tags the client has"),
     ),
     responses(
-        (status = 200, body = String, content_type = "image/svg+xml", description = "the drawing", headers(("ETag" = String, description = "its SHA-256"))),
+        (status = 200, content((String = "image/svg+xml"), (inline(super::Binary) = "application/octet-stream")), description = "the drawing; as plain bytes where `Accept` names only application/octet-stream", headers(("ETag" = String, description = "its SHA-256"))),
         (status = 304, description = "the client has it"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such ray set or drawing"),
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
@@ -339,7 +328,8 @@ async fn drawing(api: &Api, access: &Access, id: &str, name: &str, headers: &Hea
         told.insert(header::ETAG, etag);
     }
     if !known {
-        told.insert(header::CONTENT_TYPE, HeaderValue::from_static("image/svg+xml"));
+        told.insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type(headers, "image/svg+xml")));
+        told.insert(header::VARY, HeaderValue::from_static("accept"));
     }
     Ok(response)
 }
@@ -376,8 +366,7 @@ pub fn announcement(name: Option<String>, headers: &HeaderMap, nameless: &str) -
     let text = |name: HeaderName| headers.get(&name).and_then(|value| value.to_str().ok());
     let media_type = text(header::CONTENT_TYPE).unwrap_or_default().to_ascii_lowercase();
     if media_type.starts_with("multipart/") || media_type.starts_with("application/x-www-form-urlencoded") {
-        let remedy = "Send the file itself as the body, e.g. curl --data-binary @file -H 'Content-Type: application/octet-stream'.";
-        return Err(Problem::media_type(format!("The body is {media_type:?}."), remedy));
+        return Err(Problem::media_type(format!("The body is {media_type:?}."), SEND_THE_FILE));
     }
     let byte_count = match text(header::CONTENT_LENGTH).map(str::parse) {
         Some(Err(_)) => return Err(Problem::malformed_header("Content-Length", "It is not a number.")),

@@ -74,7 +74,8 @@ pub struct Asking {
 /// (unknown units, W beside lm without a spectrum, shares that do not add to 1) are refused here, at the field to change.
 ///
 /// Where the tenant has an equal job that waits, runs or has succeeded, the answer is that job, with 200 and `reused`; the more
-/// urgent priority of the two holds, and the longer `timeout_s`; one that runs under a shorter one is not equal. `"reuse": false` makes a new one in any case.
+/// urgent priority of the two holds, and the longer `timeout_s`; one that runs under a shorter one is not equal. Nor is one of other
+/// metadata, where the request has some: whoever looks for it by them finds it. `"reuse": false` makes a new one in any case.
 ///
 /// With an `Idempotency-Key` the request can be repeated for 24 hours: the answer has the same status and names the same job, as
 /// it is by then; once that job was deleted it is 410. With `dry_run=true` the answer is an estimate and the key means nothing.

@@ -18,6 +18,8 @@ use std::time::{Duration, SystemTime};
 pub const PATH: &str = "/v1/uploads";
 /// The media type of bytes that are added to an upload.
 pub const MEDIA_TYPE: &str = "application/offset+octet-stream";
+/// The same bytes from clients that were generated from the contract: their generators know no other type of bytes.
+pub const PLAIN_TYPE: &str = "application/octet-stream";
 
 const VERSION: &str = "1.0.0";
 const EXTENSIONS: &str =
@@ -261,7 +263,7 @@ pub fn metadata(headers: &HeaderMap) -> Result<Metadata, Problem> {
     for pair in sent.split(',').map(str::trim).filter(|pair| !pair.is_empty()) {
         let (key, value) = pair.split_once(' ').unwrap_or((pair, ""));
         let value = BASE64.decode(value.trim()).map_err(|_| wrong(&format!("The value of {key} is not base64.")))?;
-        if ["filename", "name", "sha256", "length_unit", "quantity", "columns"].contains(&key) {
+        if ["filename", "name", "sha256", "length_unit", "quantity", "columns", "metadata"].contains(&key) {
             let value = String::from_utf8(value).map_err(|_| wrong(&format!("The value of {key} is not UTF-8.")))?;
             if known.insert(key.to_owned(), Value::String(value)).is_some() {
                 return Err(wrong(&format!("{key} is said twice.")));

@@ -2,6 +2,7 @@
 
 use super::super::access::Access;
 use super::super::jobs::channels::FileDeclaration;
+use super::super::metadata::Metadata;
 use super::super::storage::uploads::{self, Concat, State as UploadState};
 use super::super::upload::checksum::Checksum;
 use super::super::upload::finish::Became;
@@ -39,6 +40,8 @@ pub struct Upload {
     name: String,
     /// What was said of it.
     declared: FileDeclaration,
+    /// The client's own keys and values, which its ray sets get.
+    metadata: Metadata,
     /// The ray sets that it has become: empty until it is `taken`.
     ray_sets: Vec<String>,
     /// What else was in a packed file, and why it is no ray set.
@@ -96,6 +99,7 @@ impl From<uploads::Upload> for Upload {
             length: row.byte_count,
             name: row.name,
             declared: row.declared,
+            metadata: row.client_metadata,
             ray_sets,
             left_out,
             problem,
@@ -116,7 +120,7 @@ fn address(id: &str) -> String {
 /// Begins an upload that can be resumed
 ///
 /// tus 1.0.0 with the extensions that OPTIONS names; any tus client will do. `Upload-Metadata` may have `filename` (or `name`),
-/// `length_unit`, `quantity`, `columns` (as in the query of a plain upload) and `sha256` (hex, of the whole). The first bytes may
+/// `length_unit`, `quantity`, `columns`, `metadata` (as in the query of a plain upload) and `sha256` (hex, of the whole). The first bytes may
 /// come along as the body.
 ///
 /// A file may come in pieces, several at once: each is an upload with `Upload-Concat: partial`, and when all bytes are there
@@ -134,7 +138,7 @@ fn address(id: &str) -> String {
         ("Upload-Concat" = Option<String>, Header, description = "`partial`, or `final;` and the addresses of partial uploads"),
         ("Repr-Digest" = Option<String>, Header, description = "`sha-256=:<base64>:` (RFC 9530) of the whole: verified at its end"),
     ),
-    request_body(content = inline(Option<super::Binary>), content_type = "application/offset+octet-stream", description = "the first bytes, or nothing"),
+    request_body(content = inline(super::Binary), content_type = "application/octet-stream", description = "the first bytes, or nothing; as tus sends them, application/offset+octet-stream, too"),
     responses(
         (status = 201, description = "begun", headers(("Location" = String, description = "the upload"), ("Upload-Offset" = u64, description = "how much of it is there, bytes; not for a final upload that is still being read"), ("Upload-Concat" = String, description = "as it was sent"), ("Upload-Expires" = String, description = "when it is forgotten, unless something comes"))),
         (status = 400, body = Problem, content_type = "application/problem+json", description = "malformed file or header; no bytes"),
@@ -164,10 +168,11 @@ pub async fn create(
     headers.remove("content-digest");
     let metadata = tus::metadata(&headers)?;
     let declared = metadata.sending.declaration()?;
+    let client_metadata = metadata.sending.metadata;
     let announced = announcement(metadata.sending.name, &headers, "rays")?;
     let sha256 = announced.sha256.iter().cloned().chain(metadata.sha256).collect();
     let body_bytes = announced.byte_count;
-    let whole = Announcement { declared, sha256, ..announced };
+    let whole = Announcement { declared, sha256, metadata: client_metadata, ..announced };
     let new = Creating { concat: tus::concat(&headers)?, metadata: metadata.sent, whole };
     let upload = match &new.concat {
         Concat::Final { .. } => join(api, access, new, (&headers, body_bytes)).await?,
@@ -284,7 +289,7 @@ async fn create_with(
         ("Upload-Length" = Option<u64>, Header, description = "length of the whole, where it was left open, bytes"),
         ("Upload-Checksum" = Option<String>, Header, description = "`sha1 <base64>` or `sha256 <base64>` of the body"),
     ),
-    request_body(content = inline(super::Binary), content_type = "application/offset+octet-stream", description = "the bytes that follow"),
+    request_body(content = inline(super::Binary), content_type = "application/octet-stream", description = "the bytes that follow; as tus sends them, application/offset+octet-stream, too"),
     responses(
         (status = 204, description = "added", headers(("Upload-Offset" = u64, description = "how much of it is there now, bytes"), ("Upload-Expires" = String, description = "when it is forgotten, unless something comes"))),
         (status = 400, body = Problem, content_type = "application/problem+json", description = "malformed file or header; truncated body; wrong digest"),
@@ -362,7 +367,7 @@ async fn to_its_end(
 
 fn is_ours(headers: &HeaderMap) -> bool {
     let media_type = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
-    media_type.trim().eq_ignore_ascii_case(tus::MEDIA_TYPE)
+    [tus::MEDIA_TYPE, tus::PLAIN_TYPE].iter().any(|known| media_type.trim().eq_ignore_ascii_case(known))
 }
 
 fn wrong_type() -> Problem {

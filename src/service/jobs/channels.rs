@@ -1,6 +1,7 @@
 //! What a source is made of, as sent and as stored: ray sets, and what a client says of each. The pipeline says what can be
 //! one source, here before anything is queued.
 
+use super::super::metadata::Metadata;
 use super::Priority;
 use super::options::JobOptions;
 use crate::pipeline::{self, Error, FluxOverride, Place, Quantity, Table};
@@ -29,8 +30,11 @@ pub struct NewJob {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1, maximum = 4_294_967_295_u32)]
     pub timeout_s: Option<u32>,
+    /// The client's own keys and values.
+    #[serde(default, skip_serializing_if = "Metadata::is_empty")]
+    pub metadata: Metadata,
     /// Answer with an equal job of the tenant where there is one: same files, names, declarations, options and computation;
-    /// waiting, running or succeeded. Default: true.
+    /// waiting, running or succeeded; and with the same metadata, unless none is sent. Default: true.
     #[serde(default = "yes")]
     #[schema(nullable)]
     pub reuse: bool,
@@ -160,6 +164,7 @@ impl NewJob {
             options: JobOptions::default(),
             priority: Priority::default(),
             timeout_s: None,
+            metadata: Metadata::default(),
             reuse: true,
         }
     }

@@ -278,6 +278,10 @@ impl Failure {
 pub struct StoredNotice {
     /// Stable: programs may depend on it.
     pub code: String,
+    /// The channel it concerns, by its name; null where it concerns the whole source.
+    #[serde(default)]
+    #[schema(required)]
+    pub channel: Option<String>,
     /// How often.
     pub count: u64,
     /// Index of the first ray it happened to, from 0; null where it concerns no single ray.
@@ -287,10 +291,18 @@ pub struct StoredNotice {
     pub message: String,
 }
 
+impl From<StoredNotice> for Notice {
+    fn from(stored: StoredNotice) -> Notice {
+        let StoredNotice { code, channel, count, first_ray, message } = stored;
+        Notice { code: code.into(), channel, count, first_ray, message }
+    }
+}
+
 impl From<&Notice> for StoredNotice {
     fn from(notice: &Notice) -> StoredNotice {
         StoredNotice {
-            code: notice.code.into(),
+            code: notice.code.clone().into_owned(),
+            channel: notice.channel.clone(),
             count: notice.count,
             first_ray: notice.first_ray,
             message: notice.message.clone(),

@@ -4,6 +4,7 @@
 use super::super::hex::hex;
 use super::super::storage::records::Records;
 use super::super::storage::{self, inspections, ray_sets, spectra};
+use super::super::upload::LeftOut;
 use super::channels::{Channel, NewJob, TotalFlux};
 use super::queue::Error;
 use crate::pipeline::{self, Claims, Declared};
@@ -45,12 +46,43 @@ struct File<'a> {
     sha256: &'a str,
     name: &'a str,
     declared: &'a Declared,
+    /// What was noticed of the file or its spectrum before: the artifacts tell it too.
+    #[serde(skip_serializing_if = "Noticed::is_nothing")]
+    noticed: Noticed<'a>,
+}
+
+#[derive(Serialize)]
+struct Noticed<'a> {
+    /// The packed file it came in, where something in it was left out.
+    packed: Option<&'a str>,
+    left_out: &'a [LeftOut],
+    /// Of the uploaded spectrum, as its row has them.
+    of_spectrum: Option<&'a str>,
+}
+
+impl Noticed<'_> {
+    fn is_nothing(&self) -> bool {
+        self.left_out.is_empty() && self.of_spectrum.is_none()
+    }
 }
 
 struct Known {
     ray_set: ray_sets::RaySet,
     claims: Claims,
     declared: Declared,
+    /// Notices of the uploaded spectrum, where it has any.
+    of_spectrum: Option<String>,
+}
+
+impl Known {
+    fn noticed(&self) -> Noticed<'_> {
+        let packed = self.ray_set.packed.as_ref().filter(|packed| !packed.left_out.is_empty());
+        Noticed {
+            packed: packed.map(|packed| packed.name.as_str()),
+            left_out: packed.map_or(&[], |packed| &packed.left_out),
+            of_spectrum: self.of_spectrum.as_deref(),
+        }
+    }
 }
 
 /// Judges a job that `tenant` wants, computed on `threads` threads.
@@ -87,13 +119,15 @@ pub async fn prospect(records: &Records, tenant: &str, new: &NewJob, threads: us
 async fn look_up(records: &Records, tenant: &str, index: usize, channel: &Channel) -> Result<Known, Error> {
     let ray_set = ray_sets::get(records, tenant, &channel.ray_set).await?;
     let ray_set = ray_set.ok_or_else(|| Error::MissingRaySet(channel.ray_set.clone()))?;
-    let points = match channel.spectrum_id() {
+    let spectrum = match channel.spectrum_id() {
         Some(id) => {
             let spectrum = spectra::get(records, tenant, id).await?;
-            Some(spectrum.ok_or_else(|| Error::MissingSpectrum(id.to_owned()))?.points()?)
+            Some(spectrum.ok_or_else(|| Error::MissingSpectrum(id.to_owned()))?)
         }
         None => None,
     };
+    let points = spectrum.as_ref().map(spectra::Spectrum::points).transpose()?;
+    let of_spectrum = spectrum.map(|spectrum| spectrum.notices).filter(|notices| notices != "[]");
     let declared = channel.clone().or(&ray_set.declared).resolve(index, points.as_deref())?;
     let mut claims: Claims = serde_json::from_str(&ray_set.header).map_err(unreadable)?;
     // Other columns than it was looked at with have other wavelengths.
@@ -102,7 +136,7 @@ async fn look_up(records: &Records, tenant: &str, index: usize, channel: &Channe
     {
         claims.wavelength_nm = found(records, &ray_set.id).await?.wavelength_nm;
     }
-    Ok(Known { ray_set, claims, declared })
+    Ok(Known { ray_set, claims, declared, of_spectrum })
 }
 
 /// What the inspection of a ray set found in its rays, as far as that matters here.
@@ -117,8 +151,10 @@ async fn found(records: &Records, ray_set: &str) -> Result<Found, storage::Error
 }
 
 fn digest<'a>(known: &'a [Known], options: &'a pipeline::Options) -> Result<String, storage::Error> {
-    let channel =
-        |Known { ray_set, declared, .. }: &'a Known| File { sha256: &ray_set.sha256, name: &ray_set.name, declared };
+    let channel = |known: &'a Known| {
+        let Known { ray_set, declared, .. } = known;
+        File { sha256: &ray_set.sha256, name: &ray_set.name, declared, noticed: known.noticed() }
+    };
     let channels = known.iter().map(channel).collect();
     let content = Content { pipeline: PIPELINE, channels, options };
     Ok(hex(&Sha256::digest(serde_json::to_vec(&content).map_err(unreadable)?)))

@@ -1,6 +1,8 @@
 //! What is known of jobs; changes nothing.
 
+use super::super::metadata::Metadata;
 use super::super::storage::Error;
+use super::super::storage::metadata;
 use super::super::storage::records::{Records, Row, sql};
 use super::super::webhooks::deliveries;
 use super::channels::{Channel, TotalFlux};
@@ -38,6 +40,8 @@ pub struct Job {
     pub priority: Priority,
     /// Longest attempt that the client asked for, s.
     pub timeout_s: Option<u32>,
+    /// What its client says of it.
+    pub metadata: Metadata,
     /// Most memory that computing it is expected to need, bytes.
     pub memory_bytes: u64,
     /// Place in its tenant's line from 1, while queued.
@@ -105,9 +109,16 @@ macro_rules! jobs {
 
 /// One page of those that satisfy $2 to $6; the index that finds them is chosen by what stands before.
 macro_rules! page {
-    ($found:literal) => {
+    (with metadata $($found:literal),*) => {
+        page!(
+            "AND jobs.id IN (SELECT job_id FROM job_metadata WHERE tenant = $1 AND pair IN ({texts of $7 texts}) \
+             GROUP BY job_id HAVING COUNT(*) = $8) ",
+            $($found),*
+        )
+    };
+    ($($found:literal),*) => {
         jobs!(
-            $found,
+            $($found,)*
             "AND ($2 IS NULL OR jobs.id < $2) AND ($3 = -1 OR jobs.priority = $3) AND ($4 = -1 OR jobs.created_ms > $4) \
              AND ($5 = -1 OR jobs.created_ms < $5) ORDER BY jobs.id DESC LIMIT $6"
         )
@@ -120,6 +131,13 @@ const IN_STATE: &str = page!("AND jobs.state = $7 ");
 const OF_RAY_SET: &str = page!("AND jobs.id IN (SELECT job_id FROM job_inputs WHERE ray_set_id = $7) ");
 const OF_RAY_SET_IN_STATE: &str =
     page!("AND jobs.id IN (SELECT job_id FROM job_inputs WHERE ray_set_id = $7) AND jobs.state = $8 ");
+const WITH_METADATA: &str = page!(with metadata "");
+const WITH_METADATA_IN_STATE: &str = page!(with metadata "AND jobs.state = $9 ");
+const WITH_METADATA_OF_RAY_SET: &str =
+    page!(with metadata "AND jobs.id IN (SELECT job_id FROM job_inputs WHERE ray_set_id = $9) ");
+const WITH_METADATA_OF_RAY_SET_IN_STATE: &str = page!(
+    with metadata "AND jobs.id IN (SELECT job_id FROM job_inputs WHERE ray_set_id = $9) AND jobs.state = $10 "
+);
 
 /// Which jobs of a tenant are meant; all where nothing is said.
 #[derive(Clone, Debug, Default)]
@@ -134,6 +152,8 @@ pub struct Filter {
     pub created_after_ms: Option<i64>,
     /// Accepted earlier, epoch ms.
     pub created_before_ms: Option<i64>,
+    /// With all of these keys and values.
+    pub metadata: Metadata,
 }
 
 /// The job `id` of `tenant`, if there is one.
@@ -162,20 +182,25 @@ pub async fn list(
     let select = |text: &'static str| {
         let select = sql(text).bind(tenant).bind(before).bind(filter.priority.map_or(-1, Priority::number));
         let select = select.bind(filter.created_after_ms.unwrap_or(-1)).bind(filter.created_before_ms.unwrap_or(-1));
-        let select = select.bind(limit);
-        filter.ray_set.as_deref().map_or(select.clone(), |ray_set| select.bind(ray_set))
+        let mut select = select.bind(limit);
+        if !filter.metadata.is_empty() {
+            select = metadata::bind_wanted(select, &filter.metadata)?;
+        }
+        Ok::<_, Error>(filter.ray_set.as_deref().map_or(select.clone(), |ray_set| select.bind(ray_set)))
     };
-    let (any, in_state) = match filter.ray_set {
-        Some(_) => (OF_RAY_SET, OF_RAY_SET_IN_STATE),
-        None => (ALL, IN_STATE),
+    let (any, in_state) = match (filter.metadata.is_empty(), &filter.ray_set) {
+        (true, None) => (ALL, IN_STATE),
+        (true, Some(_)) => (OF_RAY_SET, OF_RAY_SET_IN_STATE),
+        (false, None) => (WITH_METADATA, WITH_METADATA_IN_STATE),
+        (false, Some(_)) => (WITH_METADATA_OF_RAY_SET, WITH_METADATA_OF_RAY_SET_IN_STATE),
     };
     let mut rows = Vec::new();
     if filter.states.is_empty() {
-        rows = records.read(select(any)).await?;
+        rows = records.read(select(any)?).await?;
     }
     // One state's are found by an index, two states' are not.
     for state in State::ALL.into_iter().filter(|state| filter.states.contains(state)) {
-        rows.extend(records.read(select(in_state).bind(state.name())).await?);
+        rows.extend(records.read(select(in_state)?.bind(state.name())).await?);
     }
     let mut named = rows.iter().map(|row| Ok((row.text("id")?, row))).collect::<Result<Vec<_>, Error>>()?;
     named.sort_by(|(a, _), (b, _)| b.cmp(a));
@@ -222,7 +247,7 @@ pub async fn standings(records: &Records, ids: &[String]) -> Result<HashMap<Stri
     let select = "SELECT jobs.id, state, attempt, stage, stage_progress, waiting.position FROM jobs LEFT JOIN \
                   (SELECT id, ROW_NUMBER() OVER (PARTITION BY tenant ORDER BY priority, id) AS position \
                    FROM jobs WHERE state = 'queued') waiting \
-                  ON waiting.id = jobs.id WHERE jobs.id IN ({texts})";
+                  ON waiting.id = jobs.id WHERE jobs.id IN ({texts of $1 texts})";
     let list = serde_json::to_string(ids).map_err(Error::fault)?;
     let mut standings = HashMap::new();
     for row in records.read(sql(select).bind(list)).await? {
@@ -302,6 +327,7 @@ async fn job(records: &Records, row: &Row) -> Result<Job, Error> {
         stage_progress,
         priority: Priority::from_number(row.number("priority")?).unwrap_or_default(),
         timeout_s: row.optional_number("timeout_ms")?.and_then(|ms| u32::try_from(ms / 1000).ok()),
+        metadata: metadata::read(&row.text("metadata")?)?,
         memory_bytes: row.count("memory_bytes")?,
         queue_position,
         failure: failure.as_deref().map(stored).transpose()?,

@@ -4,7 +4,7 @@
 use super::super::crash;
 use super::super::hex::hex;
 use super::super::storage::records::{Row, Statement, Transaction, ms, sql};
-use super::super::storage::{self, new_id};
+use super::super::storage::{self, metadata, new_id};
 use super::channels::{Channel, NewJob};
 use super::memory::needed;
 use super::prospect::Prospect;
@@ -47,13 +47,14 @@ pub struct Queued {
 const BATCH: i64 = 1000;
 
 /// What gives, or gave, the same ($2) to the tenant ($1), and nobody wants it to end: it has succeeded, or runs and may take as
-/// long as is asked ($5, ms; -1: as long as any), or waits and can be begun here (with $3 bytes on $4 threads).
+/// long as is asked ($5, ms; -1: as long as any), or waits and can be begun here (with $3 bytes on $4 threads). It has the metadata
+/// that are sent ($6), unless none are: whoever looks for a job by its metadata must find it.
 macro_rules! equal {
     ($before:literal, $after:literal) => {
         concat!(
             $before,
             "SELECT jobs.id FROM jobs WHERE jobs.tenant = $1 AND jobs.content_sha256 = $2 \
-             AND jobs.cancel_requested = 0 AND (jobs.state = 'succeeded' OR (jobs.state = 'running' \
+             AND jobs.cancel_requested = 0 AND ($6 = '{}' OR jobs.metadata = $6) AND (jobs.state = 'succeeded' OR (jobs.state = 'running' \
              AND (jobs.timeout_ms IS NULL OR ($5 <> -1 AND jobs.timeout_ms >= $5))) OR (jobs.state = 'queued' AND ",
             needed!("$4"),
             " <= $3)) ORDER BY CASE jobs.state WHEN 'succeeded' THEN 0 WHEN 'running' THEN 1 ELSE 2 END, jobs.id LIMIT 1",
@@ -63,10 +64,10 @@ macro_rules! equal {
 }
 
 const EQUAL: &str = equal!("", "");
-/// It is used now, as urgent as the more urgent of the two ($6), and while it waits it may take the longer of both times.
+/// It is used now, as urgent as the more urgent of the two ($7), and while it waits it may take the longer of both times.
 /// Whoever cancels or deletes it does not hold the tenant's row: it may be another's last moment.
 const REUSE: &str = equal!(
-    "UPDATE jobs SET used_ms = {now}, priority = CASE WHEN $6 < priority THEN $6 ELSE priority END, \
+    "UPDATE jobs SET used_ms = {now}, priority = CASE WHEN $7 < priority THEN $7 ELSE priority END, \
      timeout_ms = CASE WHEN state <> 'queued' THEN timeout_ms WHEN $5 = -1 THEN NULL \
      WHEN timeout_ms < $5 THEN $5 ELSE timeout_ms END WHERE id = (",
     ") AND state IN ('queued', 'running', 'succeeded') AND cancel_requested = 0 RETURNING id"
@@ -93,7 +94,7 @@ impl Queue {
         prospect: &Prospect,
     ) -> Result<Option<String>, storage::Error> {
         let Some(content) = prospect.content_sha256.as_deref().filter(|_| new.reuse) else { return Ok(None) };
-        let row = self.storage.records.read_one(self.as_equal(EQUAL, tenant, content, new)).await?;
+        let row = self.storage.records.read_one(self.as_equal(EQUAL, tenant, content, new)?).await?;
         row.map(|row| row.text("id")).transpose()
     }
 
@@ -154,8 +155,15 @@ impl Queue {
         Ok(queued)
     }
 
-    fn as_equal(&self, text: &'static str, tenant: &str, content: &str, new: &NewJob) -> Statement {
-        self.machine(sql(text).bind(tenant).bind(content)).bind(timeout_ms(new))
+    fn as_equal(
+        &self,
+        text: &'static str,
+        tenant: &str,
+        content: &str,
+        new: &NewJob,
+    ) -> Result<Statement, storage::Error> {
+        let equal = self.machine(sql(text).bind(tenant).bind(content)).bind(timeout_ms(new));
+        Ok(equal.bind(metadata::written(&new.metadata)?))
     }
 
     /// The job that gives, or gave, what `new` would.
@@ -167,7 +175,7 @@ impl Queue {
         prospect: &Prospect,
     ) -> Result<Option<String>, storage::Error> {
         let Some(content) = prospect.content_sha256.as_deref().filter(|_| new.reuse) else { return Ok(None) };
-        let reuse = self.as_equal(REUSE, tenant, content, new).bind(new.priority.number());
+        let reuse = self.as_equal(REUSE, tenant, content, new)?.bind(new.priority.number());
         transaction.read(reuse).await?.first().map(|row| row.text("id")).transpose()
     }
 
@@ -181,9 +189,9 @@ impl Queue {
         let id = new_id();
         let insert = "INSERT INTO jobs (tenant, id, state, options, attempt, max_attempts, fence, cancel_requested, \
                       stage_progress, notices, created_ms, total, priority, timeout_ms, memory_bytes, memory_threads, \
-                      thread_bytes, ray_count, content_sha256) \
+                      thread_bytes, ray_count, content_sha256, metadata) \
                       VALUES ($1, $2, 'queued', $3, 0, $4, 0, 0, 0, '[]', {now}, $5, $6, NULLIF($7, -1), $8, $9, $10, \
-                      $11, $12)";
+                      $11, $12, $13)";
         let insert = sql(insert).bind(tenant).bind(id.as_str()).bind(json(&new.options)?);
         let total = new.total.as_ref().map(json).transpose()?;
         let insert = insert.bind(i64::from(self.max_attempts)).bind(total.as_deref());
@@ -191,7 +199,9 @@ impl Queue {
         let threads = i64::try_from(prospect.memory_threads).unwrap_or(i64::MAX);
         let insert = insert.bind(prospect.memory_bytes.cast_signed()).bind(threads);
         let insert = insert.bind(prospect.thread_bytes.cast_signed()).bind(prospect.ray_count.cast_signed());
-        transaction.write(insert.bind(prospect.content_sha256.as_deref())).await?;
+        let insert = insert.bind(prospect.content_sha256.as_deref()).bind(metadata::written(&new.metadata)?);
+        transaction.write(insert).await?;
+        metadata::of_job(transaction, tenant, &id, &new.metadata).await?;
         for (position, channel) in new.channels.iter().enumerate() {
             insert_channel(transaction, tenant, &id, position, channel).await?;
         }

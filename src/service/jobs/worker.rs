@@ -77,6 +77,17 @@ pub struct Worker {
     pub release: CancellationToken,
 }
 
+/// What a channel of a job names.
+struct Stored {
+    ray_set: RaySet,
+    /// Where the bytes of the ray set are.
+    parts: Vec<Part>,
+    /// The points of the uploaded spectrum, where one is named.
+    points: Option<Vec<(f64, f64)>>,
+    /// What was noticed of the file and of the spectrum when they were taken in.
+    notices: Vec<Notice>,
+}
+
 /// How a computation ended.
 enum Ending {
     Published(Vec<StoredArtifact>, Vec<StoredNotice>),
@@ -266,28 +277,33 @@ impl Worker {
         options.rays.total = total.map(TotalFlux::total);
         let mut inputs = Vec::new();
         for channel in query::channels(&self.storage.records, &claim.id).await.map_err(unread)? {
-            let (ray_set, parts, spectrum) = self.stored(claim, &channel).await.map_err(unread)?;
+            let Stored { ray_set, parts, points, notices } = self.stored(claim, &channel).await.map_err(unread)?;
             let bytes = Arc::new(Parts::new(self.storage.blobs.clone(), parts, Handle::current()));
-            let declared = channel.or(&ray_set.declared).resolve(inputs.len(), spectrum.as_deref())?;
-            inputs.push(Input { name: ray_set.name, sha256: ray_set.sha256, bytes, declared });
+            let declared = channel.or(&ray_set.declared).resolve(inputs.len(), points.as_deref())?;
+            inputs.push(Input { name: ray_set.name, sha256: ray_set.sha256, bytes, declared, notices });
         }
         Ok(inputs)
     }
 
-    /// What a channel names: its ray set, where its bytes are, the points of its spectrum.
-    async fn stored(
-        &self,
-        claim: &Claim,
-        channel: &Channel,
-    ) -> Result<(RaySet, Vec<Part>, Option<Vec<(f64, f64)>>), storage::Error> {
+    /// What a channel names.
+    async fn stored(&self, claim: &Claim, channel: &Channel) -> Result<Stored, storage::Error> {
         let (records, tenant) = (&self.storage.records, claim.tenant.as_str());
         let missing = |what: &str, id: &str| storage::Error::fault(format!("{what} {id} is gone"));
         let id = &channel.ray_set;
         let ray_set = ray_sets::get(records, tenant, id).await?.ok_or_else(|| missing("ray set", id))?;
         let parts = ray_sets::parts(records, id).await?;
-        let Some(id) = channel.spectrum_id() else { return Ok((ray_set, parts, None)) };
-        let spectrum = spectra::get(records, tenant, id).await?.ok_or_else(|| missing("spectrum", id))?;
-        Ok((ray_set, parts, Some(spectrum.points()?)))
+        let notices = ray_set.packed.as_ref().map_or(Vec::new(), |packed| {
+            let files = packed.left_out.iter().map(|file| (file.name.as_str(), file.code.as_str()));
+            pipeline::left_out(&packed.name, files)
+        });
+        let mut stored = Stored { ray_set, parts, points: None, notices };
+        if let Some(id) = channel.spectrum_id() {
+            let spectrum = spectra::get(records, tenant, id).await?.ok_or_else(|| missing("spectrum", id))?;
+            stored.points = Some(spectrum.points()?);
+            let noticed: Vec<StoredNotice> = spectrum.noticed()?;
+            stored.notices.extend(noticed.into_iter().map(Notice::from));
+        }
+        Ok(stored)
     }
 
     /// Stores the files of this attempt under its own fence. All of them are in memory: room in the store is not waited for

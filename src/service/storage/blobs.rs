@@ -58,7 +58,11 @@ impl Blobs {
         }
         match url.strip_prefix("s3://") {
             Some(place) => Blobs::open_bucket(place),
-            None => Err(Error::Unsupported(format!("store {}", url.split(':').next().unwrap_or_default()))),
+            None => {
+                let known = "Write file:FOLDER or s3://BUCKET/PREFIX, in STORAGE_URL or with --storage-url.";
+                let kind = url.split(':').next().unwrap_or_default();
+                Err(Error::Unsupported(format!("the object store {kind:?}"), known))
+            }
         }
     }
 

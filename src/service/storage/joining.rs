@@ -3,6 +3,7 @@
 
 use super::super::access::quota::{Exceeded, Quota};
 use super::super::crash;
+use super::super::metadata;
 use super::Error;
 use super::ray_sets::unreadable;
 use super::records::{Records, Transaction, ms, sql};
@@ -42,12 +43,14 @@ pub async fn join(
                     WHERE tenant = $3 AND id = $4 AND state = 'complete'";
         let take = sql(take).bind(joining.new.id.as_str()).bind(ms(expiry)).bind(tenant).bind(id.as_str());
         if transaction.write(take).await? == 0 {
+            transaction.rollback().await?;
             return Ok(Ok(None));
         }
     }
     let made = insert(&mut transaction, tenant, joining, expiry).await?;
     move_parts(&mut transaction, joining).await?;
     if let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await? {
+        transaction.rollback().await?;
         return Ok(Err(exceeded));
     }
     crash::point("join.before_commit");
@@ -64,16 +67,17 @@ async fn insert(
 ) -> Result<Upload, Error> {
     let Joining { new, sent, partials } = joining;
     let insert = "INSERT INTO uploads (tenant, id, state, name, metadata, declared, announced, byte_count, offset_bytes, \
-                  sha256_state, fence, attempt, created_ms, expires_ms, concat, partials) \
-                  VALUES ($1, $2, 'finishing', $3, $4, $5, $6, $7, $7, $8, 0, 0, {now}, {now} + $9, $10, $11) RETURNING *";
+                  sha256_state, fence, attempt, created_ms, expires_ms, concat, partials, client_metadata) \
+                  VALUES ($1, $2, 'finishing', $3, $4, $5, $6, $7, $7, $8, 0, 0, {now}, {now} + $9, $10, $11, $12) RETURNING *";
     let json = |text: serde_json::Result<String>| text.map_err(unreadable);
     let insert = sql(insert).bind(tenant).bind(new.id.as_str()).bind(new.name.as_str()).bind(new.metadata.as_str());
     let insert = insert.bind(json(serde_json::to_string(&new.declared))?);
     let insert = insert.bind(json(serde_json::to_string(&new.announced))?);
     let insert = insert.bind(new.byte_count.unwrap_or(0).cast_signed()).bind(new.sha256_state.as_str());
     let insert = insert.bind(ms(expiry)).bind(*sent).bind(json(serde_json::to_string(partials))?);
+    let insert = insert.bind(metadata::written(&new.client_metadata)?);
     let rows = transaction.read(insert).await?;
-    upload(rows.first().ok_or_else(|| Error::Records("a final upload was inserted and not told".into()))?)
+    upload(rows.first().ok_or_else(|| Error::fault("a final upload was inserted and not told"))?)
 }
 
 /// Numbers the parts of the pieces one after the other.

@@ -10,6 +10,8 @@ pub mod records;
 pub mod blobs;
 /// A ray set's parts as one file.
 pub mod parts;
+/// Rows that things are found by, by their clients' metadata.
+pub mod metadata;
 /// Rows of ray sets.
 pub mod ray_sets;
 /// Rows of uploads that can be resumed.
@@ -63,9 +65,9 @@ pub enum Error {
     /// A database that is not opened.
     #[error(transparent)]
     Unusable(#[from] database_file::Unusable),
-    /// An engine this build does not have.
+    /// An engine this build does not have, and what to write instead.
     #[error("{0} is not supported by this build")]
-    Unsupported(String),
+    Unsupported(String, &'static str),
 }
 
 impl Error {

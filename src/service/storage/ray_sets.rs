@@ -3,8 +3,11 @@
 use super::super::access::quota::{Exceeded, Quota};
 use super::super::crash;
 use super::super::jobs::channels::FileDeclaration;
+use super::super::metadata::Metadata;
+use super::super::upload::LeftOut;
 use super::Error;
 use super::inspections::{self, Inspection};
+use super::metadata::{self, bind_wanted};
 use super::parts::Part;
 use super::ray_set_folder;
 use super::records::{Records, Row, Transaction, sql};
@@ -27,6 +30,8 @@ pub struct RaySet {
     pub declared: FileDeclaration,
     /// The packed file it came in, if it did.
     pub packed: Option<Packed>,
+    /// What its client says of it.
+    pub metadata: Metadata,
     /// When it was complete, epoch ms.
     pub created_ms: i64,
 }
@@ -38,7 +43,12 @@ pub struct Packed {
     pub name: String,
     /// SHA-256 of the bytes as sent, lower-case hex.
     pub sha256: String,
+    /// What else was in it, and why it is no ray set.
+    pub left_out: Vec<LeftOut>,
 }
+
+/// Most files left out that are kept with each ray set of a packed file; the answer to the upload names all.
+const MOST_LEFT_OUT: usize = 100;
 
 /// A ray set to be: its parts are stored, its rows are not.
 #[derive(Clone, Debug)]
@@ -77,7 +87,12 @@ fn ray_set(row: &Row) -> Result<RaySet, Error> {
         packed: row
             .optional_text("packed_name")?
             .zip(row.optional_text("packed_sha256")?)
-            .map(|(name, sha256)| Packed { name, sha256 }),
+            .map(|(name, sha256)| {
+                let left_out = serde_json::from_str(&row.text("packed_left_out")?).map_err(unreadable)?;
+                Ok::<_, Error>(Packed { name, sha256, left_out })
+            })
+            .transpose()?,
+        metadata: metadata::read(&row.text("metadata")?)?,
         created_ms: row.number("created_ms")?,
     })
 }
@@ -115,7 +130,8 @@ pub async fn insert(
 pub(super) async fn insert_one(transaction: &mut Transaction, tenant: &str, draft: Draft) -> Result<RaySet, Error> {
     let Draft { ray_set: new, parts, inspection } = draft;
     let insert = "INSERT INTO ray_sets (tenant, id, name, byte_count, sha256, header, packed_name, packed_sha256, \
-                  declared, created_ms) VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, {now}) RETURNING created_ms";
+                  declared, packed_left_out, metadata, created_ms) \
+                  VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, {now}) RETURNING created_ms";
     let insert =
         sql(insert).bind(tenant).bind(new.id.as_str()).bind(new.name.as_str()).bind(new.byte_count.cast_signed());
     let insert = insert.bind(new.sha256.as_str()).bind(new.header.as_str());
@@ -123,7 +139,11 @@ pub(super) async fn insert_one(transaction: &mut Transaction, tenant: &str, draf
     let insert = insert.bind(packed.map(|packed| packed.name.as_str()));
     let insert = insert.bind(packed.map(|packed| packed.sha256.as_str()));
     let declared = serde_json::to_string(&new.declared).map_err(unreadable)?;
-    let rows = transaction.read(insert.bind(declared)).await?;
+    let left_out = packed.map_or(&[][..], |packed| &packed.left_out);
+    let left_out = serde_json::to_string(&left_out[..left_out.len().min(MOST_LEFT_OUT)]).map_err(unreadable)?;
+    let insert = insert.bind(declared).bind(left_out).bind(metadata::written(&new.metadata)?);
+    let rows = transaction.read(insert).await?;
+    metadata::of_ray_set(transaction, tenant, &new.id, &new.metadata).await?;
     for (number, part) in parts.iter().enumerate() {
         let insert = sql("INSERT INTO parts (ray_set_id, number, byte_count, blob) VALUES ($1, $2, $3, $4)");
         let insert = insert.bind(new.id.as_str()).bind(number as i64);
@@ -145,20 +165,29 @@ pub async fn get(records: &Records, tenant: &str, id: &str) -> Result<Option<Ray
 }
 
 /// Which ray sets of a tenant are meant; all where nothing is said.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Wanted<'a> {
     /// Called so.
     pub name: Option<&'a str>,
     /// Of these bytes: their SHA-256, lower-case hex.
     pub sha256: Option<&'a str>,
+    /// With all of these keys and values.
+    pub metadata: Metadata,
 }
 
 /// One page; the index that finds it is chosen by what stands before.
 macro_rules! page {
-    ($found:literal) => {
+    (with metadata $($found:literal),*) => {
+        page!(
+            "AND id IN (SELECT ray_set_id FROM ray_set_metadata WHERE tenant = $1 AND pair IN ({texts of $4 texts}) \
+             GROUP BY ray_set_id HAVING COUNT(*) = $5) ",
+            $($found),*
+        )
+    };
+    ($($found:literal),*) => {
         concat!(
             "SELECT * FROM ray_sets WHERE tenant = $1 AND ($2 IS NULL OR id < $2) ",
-            $found,
+            $($found,)*
             "ORDER BY id DESC LIMIT $3"
         )
     };
@@ -176,11 +205,18 @@ pub async fn list(
     limit: i64,
 ) -> Result<Vec<RaySet>, Error> {
     let select = |text| sql(text).bind(tenant).bind(before).bind(limit);
-    let select = match (wanted.sha256, wanted.name) {
-        (None, None) => select(page!("")),
-        (None, Some(name)) => select(page!("AND name = $4 ")).bind(name),
-        (Some(sha256), None) => select(page!("AND sha256 = $4 ")).bind(sha256),
-        (Some(sha256), Some(name)) => select(page!("AND sha256 = $4 AND name = $5 ")).bind(sha256).bind(name),
+    let found = |text| bind_wanted(select(text), &wanted.metadata);
+    let select = match (wanted.metadata.is_empty(), wanted.sha256, wanted.name) {
+        (true, None, None) => select(page!("")),
+        (true, None, Some(name)) => select(page!("AND name = $4 ")).bind(name),
+        (true, Some(sha256), None) => select(page!("AND sha256 = $4 ")).bind(sha256),
+        (true, Some(sha256), Some(name)) => select(page!("AND sha256 = $4 AND name = $5 ")).bind(sha256).bind(name),
+        (false, None, None) => found(page!(with metadata ""))?,
+        (false, None, Some(name)) => found(page!(with metadata "AND name = $6 "))?.bind(name),
+        (false, Some(sha256), None) => found(page!(with metadata "AND sha256 = $6 "))?.bind(sha256),
+        (false, Some(sha256), Some(name)) => {
+            found(page!(with metadata "AND sha256 = $6 AND name = $7 "))?.bind(sha256).bind(name)
+        }
     };
     records.read(select).await?.iter().map(ray_set).collect()
 }

@@ -4,6 +4,7 @@ use super::super::access::quota::{Exceeded, Quota};
 use super::Error;
 use super::ray_sets::Deletion;
 use super::records::{Records, Row, sql};
+use serde::de::DeserializeOwned;
 
 /// A spectrum file as it was read.
 #[derive(Clone, Debug)]
@@ -37,6 +38,14 @@ impl Spectrum {
     /// A row that holds something else.
     pub fn points(&self) -> Result<Vec<(f64, f64)>, Error> {
         serde_json::from_str(&self.nm_value).map_err(Error::fault)
+    }
+
+    /// What was repaired or odd, as its reader has it.
+    ///
+    /// # Errors
+    /// A row that holds something else.
+    pub fn noticed<T: DeserializeOwned>(&self) -> Result<T, Error> {
+        serde_json::from_str(&self.notices).map_err(|error| Error::Records(Box::new(error)))
     }
 }
 

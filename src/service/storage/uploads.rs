@@ -3,7 +3,9 @@
 
 use super::super::access::quota::{Exceeded, Quota};
 use super::super::jobs::channels::FileDeclaration;
+use super::super::metadata::Metadata;
 use super::Error;
+use super::metadata;
 use super::parts::Part;
 use super::ray_sets::unreadable;
 use super::records::{Records, Row, Statement, Transaction, ms, sql};
@@ -110,6 +112,8 @@ pub struct Upload {
     pub metadata: String,
     /// How to read it, or every file in it.
     pub declared: FileDeclaration,
+    /// What its client says of the ray sets that it is to be.
+    pub client_metadata: Metadata,
     /// SHA-256 of the whole, lower-case hex, as often as it was said.
     pub announced: Vec<String>,
     /// Length of the whole, bytes, where it was said.
@@ -137,6 +141,7 @@ pub(super) fn upload(row: &Row) -> Result<Upload, Error> {
         name: row.text("name")?,
         metadata: row.text("metadata")?,
         declared: serde_json::from_str(&row.text("declared")?).map_err(unreadable)?,
+        client_metadata: metadata::read(&row.text("client_metadata")?)?,
         announced: serde_json::from_str(&row.text("announced")?).map_err(unreadable)?,
         byte_count: row.optional_number("byte_count")?.map(|bytes| bytes.max(0).unsigned_abs()),
         offset: row.count("offset_bytes")?,
@@ -160,6 +165,8 @@ pub struct New {
     pub metadata: String,
     /// As in [`Upload`].
     pub declared: FileDeclaration,
+    /// As in [`Upload`].
+    pub client_metadata: Metadata,
     /// As in [`Upload`].
     pub announced: Vec<String>,
     /// As in [`Upload`].
@@ -251,13 +258,14 @@ pub async fn insert(
 ) -> Result<Result<Upload, NoRoom>, Error> {
     let mut transaction = records.begin().await?;
     let insert = "INSERT INTO uploads (tenant, id, state, name, metadata, declared, announced, byte_count, offset_bytes, \
-                  sha256_state, fence, attempt, created_ms, expires_ms, concat) \
-                  VALUES ($1, $2, 'receiving', $3, $4, $5, $6, $7, 0, $8, 0, 0, {now}, {now} + $9, $10) RETURNING *";
+                  sha256_state, client_metadata, fence, attempt, created_ms, expires_ms, concat) \
+                  VALUES ($1, $2, 'receiving', $3, $4, $5, $6, $7, 0, $8, $9, 0, 0, {now}, {now} + $10, $11) RETURNING *";
     let json = |text: serde_json::Result<String>| text.map_err(unreadable);
     let insert = sql(insert).bind(tenant).bind(new.id.as_str()).bind(new.name.as_str()).bind(new.metadata.as_str());
     let insert = insert.bind(json(serde_json::to_string(&new.declared))?);
     let insert = insert.bind(json(serde_json::to_string(&new.announced))?);
-    let insert = insert.bind(new.byte_count.map(u64::cast_signed)).bind(new.sha256_state.as_str()).bind(ms(expiry));
+    let insert = insert.bind(new.byte_count.map(u64::cast_signed)).bind(new.sha256_state.as_str());
+    let insert = insert.bind(metadata::written(&new.client_metadata)?).bind(ms(expiry));
     let insert = insert.bind(new.is_partial.then_some(PARTIAL));
     let rows = transaction.read(insert).await?;
     if let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await? {

@@ -4,6 +4,7 @@
 
 use super::super::api::problem::Problem;
 use super::super::cause::Cause;
+use super::super::priority;
 use super::super::storage::endings::{self, Claim};
 use super::super::storage::ray_sets::Draft;
 use super::super::storage::uploads::{self, Concat, State, Upload};
@@ -18,7 +19,7 @@ use std::collections::HashMap;
 use std::pin::pin;
 use std::time::Duration;
 use tokio::sync::Notify;
-use tokio::task::{Id, JoinError, JoinSet, spawn_blocking};
+use tokio::task::{Id, JoinError, JoinSet};
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 use tokio_util::sync::CancellationToken;
 
@@ -229,13 +230,15 @@ impl Uploads {
         stored.is_packed = self.intake.judge(&self.prefix(&stored).await?, Some(byte_count))?;
         // The bytes of a packed upload go when what is in it is kept.
         let room = self.intake.quota.room(records, tenant).await?.without(byte_count);
-        self.intake.drafts(stored, upload.declared.clone(), room, gone).await
+        let mut made = self.intake.drafts(stored, upload.declared.clone(), room, gone).await?;
+        made.0.iter_mut().for_each(|draft| draft.ray_set.metadata = upload.client_metadata.clone());
+        Ok(made)
     }
 
     /// Reads a stored file to its end for its digest: those of its pieces say nothing of the whole. On a thread that may block.
     async fn read_once(&self, stored: &Stored, gone: CancellationToken) -> Result<Extent, FileError> {
         let bytes = self.intake.read(stored);
-        let reading = spawn_blocking(move || {
+        let reading = priority::compute("digest", move || {
             let (mut extent, mut block) = (Extent::default(), vec![0; BLOCK_BYTES]);
             while extent.byte_count < bytes.len() {
                 if gone.is_cancelled() {
@@ -248,8 +251,7 @@ impl Uploads {
             }
             Ok(extent)
         });
-        let read = reading.await.map_err(|error| pipeline::Error::Unreadable(std::io::Error::other(error)))?;
-        Ok(read?)
+        Ok(reading.await.map_err(pipeline::Error::from)??)
     }
 
     /// The beginning of a stored file.

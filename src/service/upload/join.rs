@@ -34,13 +34,14 @@ impl Uploads {
         partials: &[String],
     ) -> Result<Upload, Error> {
         let records = &self.intake.storage.records;
-        let Announcement { name, sha256: announced, declared, .. } = whole;
+        let Announcement { name, sha256: announced, declared, metadata: client_metadata, .. } = whole;
         let sha256_state = Extent::default().state();
         let mut new = New {
             id: new_id(),
             name,
             metadata,
             declared,
+            client_metadata,
             announced,
             byte_count: None,
             sha256_state,

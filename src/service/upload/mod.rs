@@ -22,6 +22,7 @@ pub mod join;
 use super::access::quota::{Exceeded, Quota, Room};
 use super::hex::hex;
 use super::jobs::channels::FileDeclaration;
+use super::metadata::Metadata;
 use super::pace::{Pace, Slowest, TooSlow};
 use super::priority;
 use super::storage::inspections::{Drawing, Inspection};
@@ -138,6 +139,8 @@ pub struct Announcement {
     pub sha256: Vec<String>,
     /// How to read it, or every file in it.
     pub declared: FileDeclaration,
+    /// What its client says of the ray sets that it is to be.
+    pub metadata: Metadata,
     /// Cancelled when the sender no longer waits for the answer: its rays need not be read to their end.
     pub gone: CancellationToken,
 }
@@ -184,6 +187,7 @@ impl Intake {
     ) -> Result<Taken, Error> {
         let id = new_id();
         let (gone, declared) = (announcement.gone.clone(), announcement.declared.clone());
+        let metadata = announcement.metadata.clone();
         let room = self.quota.room(&self.storage.records, tenant).await?;
         let stored = match self.receive(&id, announcement, room, body).await {
             Ok(stored) => stored,
@@ -197,7 +201,8 @@ impl Intake {
         if is_packed || drafts.is_err() {
             self.forget(&id).await;
         }
-        let (drafts, left_out) = drafts?;
+        let (mut drafts, left_out) = drafts?;
+        drafts.iter_mut().for_each(|draft| draft.ray_set.metadata = metadata.clone());
         let ids: Vec<String> = drafts.iter().map(|draft| draft.ray_set.id.clone()).collect();
         // From here on the rows may be there, whatever the answer: only the sweep of garbage can tell.
         let known = ray_sets::insert(&self.storage.records, tenant, self.quota, drafts).await;
@@ -273,11 +278,13 @@ impl Intake {
             sha256: stored.sha256.clone(),
             bytes: Arc::new(self.read(&stored)),
             declared: declared.resolve().map_err(in_query)?,
+            notices: Vec::new(),
         };
         let Described { header, inspection } = self.inspect_and_describe(input, gone).await?;
         let declared = declared.clone();
         let Stored { id, name, sha256, byte_count, parts, .. } = stored;
-        let ray_set = RaySet { id, name, byte_count, sha256, header, declared, packed, created_ms: 0 };
+        let metadata = Metadata::default();
+        let ray_set = RaySet { id, name, byte_count, sha256, header, declared, packed, metadata, created_ms: 0 };
         Ok(Draft { ray_set, parts, inspection })
     }
 

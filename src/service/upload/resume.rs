@@ -136,9 +136,10 @@ impl Uploads {
         if !self.intake.space.has_room_for(whole.byte_count.unwrap_or(0)) {
             return Err(FileError::LowSpace.into());
         }
-        let Announcement { name, byte_count, sha256: announced, declared, .. } = whole;
+        let Announcement { name, byte_count, sha256: announced, declared, metadata: client_metadata, .. } = whole;
         let sha256_state = Extent::default().state();
-        let new = New { id: new_id(), name, metadata, declared, announced, byte_count, sha256_state, is_partial };
+        let id = new_id();
+        let new = New { id, name, metadata, declared, client_metadata, announced, byte_count, sha256_state, is_partial };
         let Intake { storage, quota, .. } = &self.intake;
         match uploads::insert(&storage.records, tenant, *quota, &new, self.expiry).await? {
             Ok(upload) => Ok(upload),

@@ -33,7 +33,7 @@ impl Intake {
             intake: self.clone(),
             runtime: Handle::current(),
             gone,
-            packed: Packed { name: packed.name.clone(), sha256: packed.sha256.clone() },
+            packed: Packed { name: packed.name.clone(), sha256: packed.sha256.clone(), left_out: Vec::new() },
             declared,
             room,
             drafts: Vec::new(),
@@ -62,7 +62,12 @@ impl Unpacking {
         let done = pipeline::unpack(&bytes, &stored.name, &limits, |name, content| self.visit(name, content));
         match done {
             Ok(()) if self.drafts.is_empty() => Err(Error::NoRayFile(self.left_out)),
-            Ok(()) => Ok((self.drafts, self.left_out)),
+            Ok(()) => {
+                for packed in self.drafts.iter_mut().filter_map(|draft| draft.ray_set.packed.as_mut()) {
+                    packed.left_out.clone_from(&self.left_out);
+                }
+                Ok((self.drafts, self.left_out))
+            }
             Err(error) => {
                 for Draft { ray_set, .. } in &self.drafts {
                     self.runtime.block_on(self.intake.forget(&ray_set.id));

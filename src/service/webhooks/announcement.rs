@@ -12,10 +12,10 @@ const BATCH: i64 = 100;
 
 const ANNOUNCED: &str = "UPDATE jobs SET announced = 1 WHERE id IN (SELECT id FROM jobs WHERE announced = 0 \
     AND finished_ms IS NOT NULL ORDER BY finished_ms LIMIT $1 {skip_locked}) \
-    RETURNING id, tenant, state, attempt, failure, created_ms, started_ms, finished_ms";
+    RETURNING id, tenant, state, attempt, failure, metadata, created_ms, started_ms, finished_ms";
 const ANNOUNCED_ONE: &str = "UPDATE jobs SET announced = 1 WHERE announced = 0 AND finished_ms IS NOT NULL \
     AND tenant = $1 AND id = $2 \
-    RETURNING id, tenant, state, attempt, failure, created_ms, started_ms, finished_ms";
+    RETURNING id, tenant, state, attempt, failure, metadata, created_ms, started_ms, finished_ms";
 
 /// Announces jobs that have ended; how many. Right in any number of processes at once.
 ///

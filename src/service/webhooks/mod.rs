@@ -15,8 +15,9 @@ pub mod signature;
 use super::calendar::rfc_3339;
 use super::jobs::worker::ZIP;
 use super::jobs::{Failure, State};
-use super::storage::Error;
+use super::metadata::Metadata;
 use super::storage::records::Row;
+use super::storage::{Error, metadata};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
@@ -120,6 +121,8 @@ pub struct EndedJob {
     /// Why it failed, if it did: as the job tells.
     #[schema(value_type = Option<Object>)]
     problem: Option<Failure>,
+    /// The client's own keys and values.
+    metadata: Metadata,
     /// When it was accepted, epoch ms.
     created_ms: i64,
     /// When it was last begun, epoch ms.
@@ -162,6 +165,7 @@ fn ended(row: &Row) -> Result<(Event, EndedJob), Error> {
         state,
         attempt: row.number("attempt")?,
         problem: problem.map_err(Error::fault)?,
+        metadata: metadata::read(&row.text("metadata")?)?,
         created_ms: row.number("created_ms")?,
         started_ms: row.optional_number("started_ms")?,
         finished_ms: row.number("finished_ms")?,

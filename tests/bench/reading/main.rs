@@ -44,7 +44,8 @@ fn make(rays: u64, tm25: &str, zemax: &str) -> Result<(), Box<dyn Error>> {
     let source = by_name("flat-chip").ok_or("no such source")?;
     write_tm25(&source, rays, 1, &mut BufWriter::new(File::create(tm25)?))?;
     let bytes = on_disk(tm25)?;
-    let input = Input { name: tm25.into(), sha256: String::new(), bytes, declared: Declared::default() };
+    let input =
+        Input { name: tm25.into(), sha256: String::new(), bytes, declared: Declared::default(), notices: Vec::new() };
     let mut out = BufWriter::new(File::create(zemax)?);
     let watch = StageWatch::enter(&Unwatched, Stage::Rays)?;
     convert(&input, Target::ZemaxBinary, &Limits::default(), &mut out, watch)

@@ -78,7 +78,7 @@ fn limits() -> Limits {
 }
 
 fn input(data: &[u8], declared: Declared) -> Input {
-    Input { name: "fuzz".into(), sha256: "0".repeat(64), bytes: Arc::new(data.to_vec()), declared }
+    Input { name: "fuzz".into(), sha256: "0".repeat(64), bytes: Arc::new(data.to_vec()), declared, notices: Vec::new() }
 }
 
 /// What a user says where files do not.

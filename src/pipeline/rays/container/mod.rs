@@ -12,6 +12,7 @@ mod zip;
 
 use super::super::Error;
 use super::super::vocabulary::limits::Limits;
+use super::super::vocabulary::notice::{Notice, Notices};
 use super::Bytes;
 use gauge::{Gauge, Tape};
 use std::io::{self, BufRead, BufReader, Read};
@@ -20,6 +21,8 @@ use std::io::{self, BufRead, BufReader, Read};
 const MAX_DEPTH: u32 = 2;
 /// Longest name shown, characters.
 const MAX_NAME_CHARS: usize = 255;
+/// Most files that are named in a notice.
+const MOST_NAMED: usize = 8;
 /// Buffer between two packings, bytes.
 const BLOCK_BYTES: usize = 64 << 10;
 
@@ -76,6 +79,24 @@ impl<'a> Member<'a> {
     pub fn read(&mut self, into: &mut [u8]) -> Result<usize, Error> {
         self.content.read(into).map_err(|error| self.gauge.error(&self.name, &error))
     }
+}
+
+/// The notice that the packed file `name` holds something besides ray files, a name and the code that refuses it for each;
+/// nothing where it does not.
+pub fn left_out<'a>(name: &str, files: impl ExactSizeIterator<Item = (&'a str, &'a str)>) -> Vec<Notice> {
+    let count = files.len();
+    let mut notices = Notices::default();
+    if count > 0 {
+        let named: Vec<String> = files.take(MOST_NAMED).map(|(file, code)| format!("{file:?} ({code})")).collect();
+        let more = if count > named.len() { format!(" and {} more", count - named.len()) } else { String::new() };
+        let told = format!(
+            "What else is in {name:?} was left out, because it is no ray file that can be read: {}{more}. If light of this \
+             source is in it, the model lacks that light.",
+            named.join(", ")
+        );
+        notices.count("container.left_out", count as u64, None, told);
+    }
+    notices.to_vec()
 }
 
 /// Shows every file in a packed one to `visit`, in order, but for folders and what operating systems add. `name` is what the

@@ -67,7 +67,7 @@ impl<'a, R: BufRead> Zstd<'a, R> {
         match error {
             FrameDecoderError::WindowSizeTooBig { requested, .. } => {
                 let found = format!("Its zstd window has {requested} bytes, more than {MAX_WINDOW_BYTES}.");
-                let remedy = "Pack it without --long and --ultra, or send it unpacked.";
+                let remedy = "Pack it without zstd's --long and --ultra, or send it unpacked.";
                 self.gauge.stop(Error::refused("container.window", found, remedy))
             }
             FrameDecoderError::DictNotProvided { .. } => {

@@ -32,6 +32,11 @@ const SURE: f64 = 5.0;
 /// Share of the origins on a plane that makes it the place they were moved to.
 const MOVED: f64 = 0.8;
 
+/// Checks whose findings are told by whoever reads the rays for a model: as a refusal, or as a notice under a code of its own
+/// (`rays.unlikely_size`, `rays.total_ratio`, `rays.efficacy_differs`, those of [`super::super::check`]).
+pub const TOLD_BY_READING: [&str; 7] =
+    ["rays.usable", "rays.length_unit", "rays.quantity", "rays.size", "rays.total", "rays.efficacy", "rays.directions"];
+
 /// What to think of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]

@@ -21,9 +21,9 @@ use super::super::vocabulary::units::{Flux, LengthUnit};
 use super::super::vocabulary::watch::StageWatch;
 use super::super::{Error, error::Fault};
 use super::conversion::Conversion;
-use super::survey::{Reading, wider, witnessed};
+use super::survey::{Reading, survey, wider};
 use super::{Bytes, Facts, Format, Input, RaySet, TotalRule, bands, check, detect, open, totals};
-use checks::{Check, Verdict, checks};
+use checks::{Check, TOLD_BY_READING, Verdict, checks};
 use evidence::Evidence;
 use focus::Focus;
 use glam::DVec3;
@@ -261,10 +261,47 @@ pub fn inspect(input: &Input, limits: &Limits, watch: StageWatch<'_>) -> Result<
     let set = open(Arc::clone(&input.bytes), &input.declared, limits)?;
     let bands: Bands = bands::asked(&super::Options::default())?.into_bands();
     let radiant = Conversion::of(&set.facts).knows_radiant();
-    let (count, pivot) = (set.facts.ray_count, pivot(&set)?);
-    let (reading, evidence) = witnessed(&set, radiant, &bands, watch, || Evidence::new(count, pivot))?;
+    let (reading, evidence) = observed(&set, radiant, &bands, watch)?;
     let limit = reading.judge(limits);
-    Inspection::of(&set.facts, input.bytes.len(), radiant, &reading, evidence, limit)
+    let inspection = Inspection::of(&set.facts, input.bytes.len(), radiant, &reading, evidence, limit)?;
+    let notices = inspection.notices.iter().chain(&input.notices).cloned().collect();
+    Ok(Inspection { notices, ..inspection })
+}
+
+/// Reads every ray of `set` once: what its survey says, and what the checks need besides.
+///
+/// # Errors
+/// [`Error::Cancelled`]; as [`super::Records::read`].
+pub fn observed(
+    set: &RaySet,
+    radiant: bool,
+    bands: &Bands,
+    watch: StageWatch<'_>,
+) -> Result<(Reading, Evidence), Error> {
+    let (count, pivot) = (set.facts.ray_count, pivot(set)?);
+    survey(set, radiant, bands, watch, || Evidence::new(count, pivot))
+}
+
+/// What a user should know of a channel before its model is trusted: every check that is not as it should be, but for those
+/// whose findings reading itself tells. `radiant`: W weight its rays, not lm.
+///
+/// # Errors
+/// Never of a channel that was read: what can be wrong is refused there.
+pub fn findings(
+    facts: &Facts,
+    byte_count: u64,
+    radiant: bool,
+    reading: &Reading,
+    evidence: Evidence,
+) -> Result<Notices, Error> {
+    let inspection = Inspection::of(facts, byte_count, radiant, reading, evidence, Ok(()))?;
+    let mut notices = Notices::default();
+    let odd = |check: &&Check| check.verdict != Verdict::Ok && !TOLD_BY_READING.contains(&check.check);
+    for check in inspection.checks.iter().filter(odd) {
+        let sentences = [Some(check.message.as_str()), check.remedy.as_deref()];
+        notices.add(check.check, sentences.into_iter().flatten().collect::<Vec<_>>().join(" "));
+    }
+    Ok(notices)
 }
 
 /// Where the first ray starts: positions are summed relative to it.
@@ -376,7 +413,7 @@ impl Inspection {
                 repaired: reading.notices.count_of(check::NORMALIZED),
             },
             order: lit.then(|| evidence.order.judge()),
-            ray_flux: lit.then(|| ray_flux(&evidence, conversion.scale(radiant), &flux)),
+            ray_flux: lit.then(|| ray_flux(&evidence, conversion.scale(radiant), radiant, &flux)),
             noise: (effective_rays > 0.0).then(|| Noise {
                 of_2500_cells: (2500.0 / effective_rays).sqrt(),
                 cells_at_5_percent: 0.05_f64.powi(2) * effective_rays,
@@ -417,14 +454,16 @@ fn distances(evidence: &Evidence, focus: DVec3) -> (f64, f64) {
     (last.map_or(0.0, |(distance, _)| *distance), starts.get(starts.len() / 2).copied().unwrap_or(0.0))
 }
 
-fn ray_flux(evidence: &Evidence, scale: f64, flux: &Flux) -> RayFlux {
+/// `scale`: from the weights that were collected to W where `radiant`, else to lm.
+fn ray_flux(evidence: &Evidence, scale: f64, radiant: bool, flux: &Flux) -> RayFlux {
     let (smallest, largest) = evidence.weights;
+    let (unit, total) = if radiant { ("W", flux.radiant_w) } else { ("lm", flux.luminous_lm) };
     RayFlux {
-        unit: flux.primary_unit(),
+        unit,
         smallest: scale * smallest,
         largest: scale * largest,
         equal: largest - smallest <= 1e-6 * largest,
-        largest_share: if flux.primary() > 0.0 { scale * largest / flux.primary() } else { 0.0 },
+        largest_share: total.filter(|total| *total > 0.0).map_or(0.0, |total| scale * largest / total),
         effective_rays: evidence.focus.effective_rays(),
     }
 }

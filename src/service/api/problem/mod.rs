@@ -60,6 +60,9 @@ pub struct Problem {
     pub retry_after_s: Option<NonZeroU32>,
 }
 
+/// What to do where a body is not the file that was meant: this call sends nothing but its bytes.
+pub const SEND_THE_FILE: &str = "Send the file itself as the body, as curl -X POST -T FILE URL does.";
+
 impl Problem {
     fn new(
         status: StatusCode,
@@ -407,7 +410,7 @@ impl From<upload::Error> for Problem {
             )
             .remedy("Send fewer rays, or ask the operator for a larger limit."),
             Error::Empty => Problem::new(StatusCode::BAD_REQUEST, "upload.empty", "The body is empty", "No byte came.")
-                .remedy("Send the ray file as the body, e.g. curl --data-binary @file."),
+                .remedy(SEND_THE_FILE),
             Error::Truncated(found) | Error::Broken(found) => {
                 tracing::debug!(found, "a body broke off");
                 Problem::body_truncated()

@@ -19,7 +19,7 @@ use std::io;
 use std::time::Duration;
 
 /// The schema, step by step: number, what it brought, its text. By hand, for `sqlx::migrate!` compiles all of sqlx a second time.
-const MIGRATIONS: [(i64, &str, &str); 11] = [
+const MIGRATIONS: [(i64, &str, &str); 12] = [
     (1, "first", include_str!("../migrations/0001_first.sql")),
     (2, "packed", include_str!("../migrations/0002_packed.sql")),
     (3, "channels", include_str!("../migrations/0003_channels.sql")),
@@ -30,6 +30,7 @@ const MIGRATIONS: [(i64, &str, &str); 11] = [
     (9, "lines", include_str!("../migrations/0009_lines.sql")),
     (10, "push", include_str!("../migrations/0010_push.sql")),
     (11, "concatenation", include_str!("../migrations/0011_concatenation.sql")),
+    (12, "metadata", include_str!("../migrations/0012_metadata.sql")),
     (13, "probe", include_str!("../migrations/0013_probe.sql")),
 ];
 
@@ -41,8 +42,9 @@ struct Dialect {
     skip_locked: &'static str,
     /// `{for_share}`: nobody may delete the row that was found before this transaction ends. Empty where there is one writer.
     for_share: &'static str,
-    /// `{texts}`: the texts in the JSON list `$1`, as rows: a statement's text is fixed, its number of values is not.
-    texts: &'static str,
+    /// `{texts of $1 texts}`: the texts in the JSON list `$1`, as rows: a statement's text is fixed, its number of values is not. What
+    /// stands before the list, and behind it.
+    texts: (&'static str, &'static str),
     /// What every new connection is told.
     connection: &'static str,
     /// How a transaction that will write begins.
@@ -58,7 +60,7 @@ static SQLITE: Dialect = Dialect {
     now: "CAST(unixepoch('subsec') * 1000 AS BIGINT)",
     skip_locked: "",
     for_share: "",
-    texts: "SELECT value FROM json_each($1)",
+    texts: ("SELECT value FROM json_each(", ")"),
     connection: "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON; \
                  PRAGMA busy_timeout = 10000;",
     // Waits for whoever writes from another process here, where it can: a transaction that has read before cannot.
@@ -72,12 +74,15 @@ static POSTGRES: Dialect = Dialect {
     now: "CAST(EXTRACT(EPOCH FROM statement_timestamp()) * 1000 AS BIGINT)",
     skip_locked: "FOR UPDATE SKIP LOCKED",
     for_share: "FOR SHARE",
-    texts: "SELECT json_array_elements_text(CAST($1 AS JSON))",
+    texts: ("SELECT json_array_elements_text(CAST(", " AS JSON))"),
     connection: "SET statement_timeout = '30s'; SET idle_in_transaction_session_timeout = '10s';",
     begin: "BEGIN",
     can_drop: true,
     acquire: Duration::from_secs(5),
 };
+
+/// What the address of a database can be.
+const KNOWN: &str = "Write sqlite:FILE or postgres://USER:PASSWORD@HOST/NAME, in DATABASE_URL or with --database-url.";
 
 /// Connections that read a SQLite file, next to the one that writes.
 const SQLITE_READERS: u32 = 4;
@@ -162,7 +167,8 @@ impl Statement {
             ("{now}", dialect.now),
             ("{skip_locked}", dialect.skip_locked),
             ("{for_share}", dialect.for_share),
-            ("{texts}", dialect.texts),
+            ("{texts of ", dialect.texts.0),
+            (" texts}", dialect.texts.1),
         ];
         let say = |text: Cow<'static, str>, (word, said): (&str, &str)| match text.contains(word) {
             true => Cow::Owned(text.replace(word, said)),
@@ -272,7 +278,7 @@ impl Records {
                 let witness = self::pool(&POSTGRES, 1).idle_timeout(WITNESS_IDLE).connect_lazy(url)?;
                 Ok(Records { dialect: &POSTGRES, writer: pool.clone(), readers: pool, witness })
             }
-            other => Err(Error::Unsupported(format!("database {other}"))),
+            other => Err(Error::Unsupported(format!("the database {other:?}"), KNOWN)),
         }
     }
 
