@@ -11,6 +11,9 @@ mod packing;
 mod rays;
 #[cfg(test)]
 mod server;
+/// How it stops.
+#[cfg(test)]
+mod stopping;
 /// What means harm.
 #[cfg(test)]
 mod hostile;
@@ -78,7 +81,7 @@ fn a_job_outlives_kill_9_and_is_published_once() {
 #[test]
 fn sigterm_gives_a_running_job_back_and_the_next_process_ends_it() {
     let folder = tempfile::tempdir().unwrap();
-    let server = Server::start(folder.path(), &["--grace", "1"]);
+    let server = Server::start(folder.path(), &["--grace", "4"]);
     let sample = server.get("/v1/jobs").json()["jobs"][0]["id"].as_str().unwrap().to_owned();
     server.until(&sample, |job| job["state"] != "queued");
     assert!(server.terminate().success(), "SIGTERM is a clean end");

@@ -28,7 +28,7 @@ use tower::ServiceExt;
 pub const PATIENCE: Duration = Duration::from_secs(240);
 
 /// Every header a response may have; a new one is a decision, not an accident.
-const HEADERS: [&str; 36] = [
+const HEADERS: [&str; 38] = [
     "access-control-allow-headers",
     "access-control-allow-methods",
     "access-control-allow-origin",
@@ -46,6 +46,8 @@ const HEADERS: [&str; 36] = [
     "cross-origin-resource-policy",
     "etag",
     "location",
+    "ratelimit",
+    "ratelimit-policy",
     "referrer-policy",
     "retry-after",
     "x-content-type-options",
@@ -156,7 +158,7 @@ fn quick(folder: &Path) -> Config {
         // A worker that the machine keeps waiting for so long is taken for dead.
         lease: Duration::from_millis(1200),
         poll: Duration::from_millis(100),
-        grace: Duration::from_millis(400),
+        grace: Duration::from_millis(1500),
         slowest: Slowest { interval: Duration::from_millis(400), bytes: 1 },
         concurrency: 1,
         threads: 1,
