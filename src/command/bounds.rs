@@ -3,8 +3,11 @@
 use super::measure;
 use crate::service::access::quota::Quota;
 use crate::service::config::Retention;
+use crate::service::forwarded::{Prefix, Proxies};
 use crate::service::{Config, connections, pace};
 use clap::Args;
+use ipnet::IpNet;
+use std::net::IpAddr;
 use std::time::Duration;
 
 /// Arguments that bound what clients may ask of the service.
@@ -14,9 +17,20 @@ pub struct Bounds {
     /// Web pages of this origin may use the service, as https://portal.example; may be given more than once.
     #[arg(long = "cors-origin", env = "LAMPWRIGHT_CORS_ORIGINS", value_name = "ORIGIN", value_delimiter = ',', value_parser = origin)]
     cors_origins: Vec<String>,
-    /// Connections at once [default: 512].
+    /// Connections at once; for one more, one that rests is closed [default: 512].
     #[arg(long, env = "LAMPWRIGHT_MAX_CONNECTIONS", value_name = "N", value_parser = measure::at_least_one::<usize>)]
     max_connections: Option<usize>,
+    /// Connections at once of one address, and requests at once that trusted proxies bring for one; this machine and trusted proxies
+    /// themselves may have as many as there are [default: half of --max-connections].
+    #[arg(long, env = "LAMPWRIGHT_MAX_CONNECTIONS_PER_ADDRESS", value_name = "N", value_parser = measure::at_least_one::<usize>)]
+    max_connections_per_address: Option<usize>,
+    /// A proxy before the service, or the network of several, as 10.1.2.3 or 10.1.0.0/16: what it says in Forwarded,
+    /// X-Forwarded-For and X-Forwarded-Prefix is believed; may be given more than once.
+    #[arg(long = "trusted-proxy", env = "LAMPWRIGHT_TRUSTED_PROXIES", value_name = "NETWORK", value_delimiter = ',', value_parser = network)]
+    trusted_proxies: Vec<IpNet>,
+    /// Where clients reach the service, as https://lab.example/lampwright: the links in its answers begin with this path.
+    #[arg(long, env = "LAMPWRIGHT_PUBLIC_URL", value_name = "URL", value_parser = public_path)]
+    public_url: Option<Prefix>,
     /// Requests a second that a key may make on and on [default: 50].
     #[arg(long, env = "LAMPWRIGHT_RATE", value_name = "N", value_parser = measure::at_least_one::<u32>)]
     rate: Option<u32>,
@@ -52,12 +66,19 @@ pub struct Bounds {
 }
 
 impl Bounds {
+    fn connections(&self, bounds: connections::Bounds) -> connections::Bounds {
+        let connections = self.max_connections.unwrap_or(bounds.connections);
+        let per_address = self.max_connections_per_address.unwrap_or(connections.div_ceil(2));
+        connections::Bounds { connections, per_address, ..bounds }
+    }
+
     /// `config` with what was said.
     pub fn over(&self, config: Config) -> Config {
         let Config { quota, bounds, slowest, retention, .. } = config;
         Config {
             cors_origins: self.cors_origins.clone(),
-            bounds: connections::Bounds { connections: self.max_connections.unwrap_or(bounds.connections), ..bounds },
+            bounds: self.connections(bounds),
+            proxies: Proxies { trusted: self.trusted_proxies.clone(), public: self.public_url.clone() },
             rate_per_second: self.rate.unwrap_or(config.rate_per_second),
             rate_burst: self.burst.unwrap_or(config.rate_burst),
             slowest: pace::Slowest { bytes: self.slowest_upload.unwrap_or(slowest.bytes), ..slowest },
@@ -78,6 +99,22 @@ impl Bounds {
     }
 }
 
+/// `10.1.2.3` or `10.1.0.0/16`.
+fn network(text: &str) -> Result<IpNet, String> {
+    let address = text.parse::<IpAddr>().map(IpNet::from);
+    let network = address.or_else(|_| text.parse::<IpNet>());
+    network.map_err(|_| "write an address or a network, as 10.1.2.3, 10.1.0.0/16 or fd00::/8".to_owned())
+}
+
+/// The path of `https://lab.example/lampwright`.
+fn public_path(text: &str) -> Result<Prefix, String> {
+    let place = text.strip_prefix("https://").or_else(|| text.strip_prefix("http://"));
+    let place = place.filter(|place| !place.is_empty() && !place.starts_with('/'));
+    let path = place.map(|place| place.find('/').map_or("", |slash| place.get(slash..).unwrap_or_default()));
+    let wrong = || "write scheme, host and path, as https://lab.example/lampwright".to_owned();
+    path.and_then(Prefix::parse).ok_or_else(wrong)
+}
+
 /// `https://portal.example`, as a browser sends it: no path, no slash at the end.
 fn origin(text: &str) -> Result<String, String> {
     let place = text.strip_prefix("https://").or_else(|| text.strip_prefix("http://"));
@@ -91,13 +128,27 @@ fn origin(text: &str) -> Result<String, String> {
 
 #[cfg(test)]
 mod tests {
-    use super::origin;
+    use super::{network, origin, public_path};
 
     #[test]
     fn an_origin_is_what_a_browser_sends() {
         assert_eq!(origin("https://Portal.example:8443").as_deref(), Ok("https://portal.example:8443"));
         for wrong in ["*", "portal.example", "https://", "https://portal.example/", "https://*.example", "null"] {
             assert!(origin(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_proxy_is_an_address_or_a_network_and_a_public_url_has_a_path() {
+        assert_eq!(network("10.1.2.3").map(|network| network.to_string()).as_deref(), Ok("10.1.2.3/32"));
+        assert!(network("fd00::/8").is_ok() && network("proxy.lab").is_err() && network("10.0.0.0/33").is_err());
+        let path = |url: &str| public_path(url).map(|prefix| prefix.as_str().to_owned());
+        assert_eq!(path("https://lab.example/lamps/").as_deref(), Ok("/lamps"));
+        assert_eq!(path("http://lab.example:8080").as_deref(), Ok(""));
+        for wrong in
+            ["/lamps", "lab.example/lamps", "https:///lamps", "https://lab.example/a?b", "https://lab.example//x"]
+        {
+            assert!(path(wrong).is_err(), "{wrong}");
         }
     }
 }

@@ -16,7 +16,8 @@ use axum::http::Request;
 use clap::{Args, ValueEnum};
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::path::PathBuf;
-use std::time::Duration;
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
 use tokio::signal::unix::{SignalKind, signal};
 use tower::ServiceExt;
 
@@ -25,7 +26,7 @@ const SAMPLE: &str = "four-chips";
 /// Its rays.
 const SAMPLE_RAYS: u64 = 200_000;
 
-/// What is still being written when the service has stopped gets this long.
+/// What is still being written when the service has stopped gets this long, if the grace is not over before.
 const LAST_WAIT: Duration = Duration::from_secs(1);
 
 /// Arguments of `serve`.
@@ -66,7 +67,8 @@ pub struct Arguments {
     /// `lampwright keys create`, or say `on` and make it later.
     #[arg(long, env = "LAMPWRIGHT_AUTH", value_enum, default_value_t)]
     auth: Auth,
-    /// Time that running jobs and open connections get when the service stops, as 8s or in seconds; 0 is none [default: 10s].
+    /// Time that the service takes to stop at most, as 8s or in seconds; running jobs and open requests get most of it; 0 is none
+    /// [default: 8s].
     #[arg(long, env = "LAMPWRIGHT_GRACE", value_name = "TIME", value_parser = measure::seconds)]
     grace: Option<Duration>,
     /// How often a job may be begun before it counts as what kills its worker [default: 3].
@@ -169,14 +171,17 @@ pub fn run(arguments: &Arguments, unread: &[String]) -> Result<(), Failure> {
         Failure::failed("serve.runtime", error.to_string(), "Allow this process more threads and files.")
     })?;
     priority::lower_shared_pool();
-    let served = runtime.block_on(serve(arguments));
+    let told = Arc::new(OnceLock::new());
+    let served = runtime.block_on(serve(arguments, Arc::clone(&told)));
     // Dropping the runtime would wait without end for a computation that does not look whether it is still wanted.
-    runtime.shutdown_timeout(LAST_WAIT);
+    let grace = arguments.config().grace;
+    let left = told.get().map_or(LAST_WAIT, |told: &Instant| grace.saturating_sub(told.elapsed()));
+    runtime.shutdown_timeout(left.min(LAST_WAIT));
     served
 }
 
-async fn serve(arguments: &Arguments) -> Result<(), Failure> {
-    let stop = stopping()?;
+async fn serve(arguments: &Arguments, told: Arc<OnceLock<Instant>>) -> Result<(), Failure> {
+    let stop = stopping(told)?;
     let config = arguments.config();
     let asks_for_keys = config.asks_for_keys();
     // A database of its own is a first start; one that others share is not to be filled by each of them. And with keys, the
@@ -238,8 +243,8 @@ async fn tell_when_done(router: Router, site: String, sample: Submitted) {
     }
 }
 
-/// Resolves at SIGINT or SIGTERM. Listens from the call on, so that no signal is missed while starting.
-fn stopping() -> Result<impl Future<Output = ()>, Failure> {
+/// Resolves at SIGINT or SIGTERM, and notes when it was `told`. Listens from the call on, so that no signal is missed while starting.
+fn stopping(told: Arc<OnceLock<Instant>>) -> Result<impl Future<Output = ()>, Failure> {
     let failed = |error: std::io::Error| Failure::failed("serve.signals", error.to_string(), "Allow signal handlers.");
     let mut interrupt = signal(SignalKind::interrupt()).map_err(failed)?;
     let mut terminate = signal(SignalKind::terminate()).map_err(failed)?;
@@ -248,6 +253,7 @@ fn stopping() -> Result<impl Future<Output = ()>, Failure> {
             _ = interrupt.recv() => {}
             _ = terminate.recv() => {}
         }
+        let _ = told.set(Instant::now());
     })
 }
 

@@ -2,6 +2,8 @@
 
 use super::access::quota::Quota;
 use super::connections::Bounds;
+use super::forwarded::Proxies;
+use super::jobs::shares::Shares;
 use super::machine;
 use super::outbound;
 use super::pace::Slowest;
@@ -68,6 +70,8 @@ pub struct Config {
     pub rate_burst: u32,
     /// What connections may ask of this process.
     pub bounds: Bounds,
+    /// Who stands between the service and its clients.
+    pub proxies: Proxies,
     /// What may be reached although it is not the internet's: by webhooks, and to fetch files.
     pub outbound_exceptions: Vec<outbound::Exception>,
     /// Fetch files from addresses; `None`: where keys are asked for.
@@ -96,7 +100,7 @@ pub struct Config {
     pub poll: Duration,
     /// For how long nothing was written where a blob is that no row names, before the blob is deleted.
     pub garbage_age: Duration,
-    /// How long a stopping service waits for running jobs and open connections.
+    /// How long a service takes to stop at most: for running jobs, open connections and everything else together.
     pub grace: Duration,
     /// What a ray file may ask of this machine.
     pub limits: pipeline::Limits,
@@ -131,7 +135,8 @@ impl Config {
             quota: Quota::default(),
             rate_per_second: 50,
             rate_burst: 200,
-            bounds: Bounds { connections: 512, head: Duration::from_secs(20), unread: Duration::from_secs(60) },
+            bounds: Bounds::default(),
+            proxies: Proxies::default(),
             outbound_exceptions: Vec::new(),
             ingest: None,
             ingest_buckets: Vec::new(),
@@ -147,7 +152,7 @@ impl Config {
             lease: Duration::from_secs(30),
             poll: Duration::from_secs(1),
             garbage_age: Duration::from_secs(24 * 3600),
-            grace: Duration::from_secs(10),
+            grace: Duration::from_secs(8),
             limits: pipeline::Limits::default(),
         }
     }
@@ -157,9 +162,15 @@ impl Config {
         (self.lease / 3).min(Duration::from_secs(1))
     }
 
-    /// Clients that may wait for their jobs at once: each holds a connection, and a quarter of these is for everybody else.
-    pub fn watchers(&self) -> usize {
-        (self.bounds.connections * 3 / 4).max(1)
+    /// Clients that may wait for their jobs at once: each holds a connection, and a quarter of these is for everybody else. A tenant
+    /// has a share of them; where no keys are asked for there is one tenant only.
+    pub fn waiting(&self) -> Shares {
+        Shares::new((self.bounds.connections * 3 / 4).max(1), self.asks_for_keys())
+    }
+
+    /// How webhooks are told, with links below the path of the public URL.
+    pub fn told(&self) -> webhooks::Policy {
+        webhooks::Policy { prefix: self.proxies.public.clone().unwrap_or_default(), ..self.webhooks.clone() }
     }
 
     /// Whether keys are asked for: always, but where only this machine can reach the service.

@@ -24,6 +24,8 @@ pub mod tls;
 pub mod storage;
 /// Whose an error is.
 pub mod cause;
+/// Whom a request comes from.
+pub mod forwarded;
 /// Takes connections.
 pub mod connections;
 /// How fast a body must come.
@@ -53,6 +55,7 @@ use access::rate::RateLimit;
 use access::{DEFAULT_TENANT, Door, keys};
 use api::Api;
 use axum::Router;
+use connections::{Server, Stopping};
 use ingest::Ingest;
 use jobs::channels::NewJob;
 use jobs::memory::Memory;
@@ -74,7 +77,7 @@ use tokio::io::AsyncRead;
 use tokio::net::TcpListener;
 use tokio::sync::Semaphore;
 use tokio::task::{JoinError, JoinSet};
-use tokio::time::{Instant, MissedTickBehavior, interval, timeout, timeout_at};
+use tokio::time::{Instant, MissedTickBehavior, interval, timeout_at};
 use tokio_util::io::ReaderStream;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
@@ -82,6 +85,9 @@ use upload::resume::Uploads;
 use upload::{Announcement, Buffers, INSPECTIONS, Intake};
 use webhooks::deliveries;
 use webhooks::dispatcher::Dispatcher;
+
+/// Longest time that running jobs get, of the grace of a stopping service, to go back to the queue.
+const GIVING_BACK: Duration = Duration::from_secs(2);
 
 /// Why a service does not start.
 #[derive(Debug, thiserror::Error)]
@@ -144,6 +150,7 @@ pub struct Service {
     listener: TcpListener,
     address: SocketAddr,
     slots: JoinSet<()>,
+    stopping: Stopping,
     release: CancellationToken,
     /// Looks for garbage, for what is kept no longer, for uploads to finish and for what is to be told, until the service stops.
     upkeep: JoinSet<()>,
@@ -188,15 +195,16 @@ impl Service {
             left_alone = garbage::collect(&storage, Duration::ZERO).await?.log_left_alone(left_alone);
         }
         tracing::info!(alone = lock.is_some(), role = ?config.role, "storage opened");
-        let (stop, release) = (CancellationToken::new(), CancellationToken::new());
+        let (stopping, release) = (Stopping::default(), CancellationToken::new());
+        let stop = stopping.draining.clone();
         let mut upkeep = JoinSet::new();
         upkeep.spawn(until(stop.clone(), collect_garbage(storage.clone(), config.clone(), left_alone)));
         upkeep.spawn(until(stop.clone(), retention::keep_up(storage.clone(), queue.clone(), config.retention)));
-        let watcher = Watcher::new(config.watchers());
+        let watcher = Watcher::new(config.waiting());
         let watching = watcher.clone().keep_up(storage.records.clone(), queue.changes(), config.poll);
         upkeep.spawn(until(stop.clone(), watching));
         let outbound = Outbound::new(config.outbound_exceptions.clone());
-        let dispatcher = Dispatcher::new(storage.records.clone(), outbound, config.webhooks.clone(), metrics.clone());
+        let dispatcher = Dispatcher::new(storage.records.clone(), outbound, config.told(), metrics.clone());
         if config.role.answers() {
             upkeep.spawn(dispatcher.clone().keep_up(queue.changes(), config.poll, stop.clone()));
         }
@@ -225,7 +233,7 @@ impl Service {
             // Stops by itself, and gives back what it has begun.
             upkeep.spawn(api.uploads.clone().finish_all(config.poll));
         }
-        Ok(Service { config, api, listener, address, slots, release, upkeep, _lock: lock })
+        Ok(Service { config, api, listener, address, slots, stopping, release, upkeep, _lock: lock })
     }
 
     fn api(
@@ -263,6 +271,7 @@ impl Service {
             intake,
             door: Door::new(storage.records.clone(), config.asks_for_keys(), rate),
             origins: config.cors_origins.clone().into(),
+            prefix: config.proxies.public.clone().unwrap_or_default(),
             space,
             storage,
             queue,
@@ -316,40 +325,74 @@ impl Service {
             && jobs::query::list(records, DEFAULT_TENANT, &Filter::default(), None, 1).await?.is_empty())
     }
 
-    /// Answers until `shutdown` resolves; then takes nothing new, and gives running jobs and open connections the
-    /// configured grace before jobs go back to the queue, their attempt not counted, and connections are cut. Uploads that
-    /// are being finished go back at once.
+    /// Answers until `shutdown` resolves; then begins nothing new and tells so, also on new connections, until running jobs and open
+    /// requests have ended. Towards the end of the configured grace jobs go back to the queue, their attempt not counted, and
+    /// connections are cut. Uploads that are being finished go back at once. A computation that does not look whether it is
+    /// still wanted is left behind.
     ///
     /// # Errors
     /// The listener failed; a task that looks after the stores hit a fault of ours.
     pub async fn run_until(mut self, shutdown: impl Future<Output = ()>) -> io::Result<()> {
         tracing::info!(address = %self.address, "listening");
-        let draining = self.api.draining.clone();
-        let router = self.router();
-        let (bounds, metrics) = (self.config.bounds, self.api.metrics.clone());
-        let server = connections::serve(self.listener, router, bounds, metrics, draining.clone());
-        let mut server = AbortOnDropHandle::new(tokio::spawn(server));
+        let server = Server {
+            router: self.router(),
+            bounds: self.config.bounds,
+            proxies: Arc::new(self.config.proxies.clone()),
+            metrics: self.api.metrics.clone(),
+            stopping: self.stopping.clone(),
+        };
+        let serving = connections::serve(self.listener, server);
+        let mut serving = AbortOnDropHandle::new(tokio::spawn(serving));
         tokio::select! {
             () = shutdown => {}
-            served = &mut server => return served.map_err(io::Error::other),
+            served = &mut serving => return served.map_err(io::Error::other),
             // Without it the service would seem well and do half of its work: whoever looks after the process starts another.
             fault = fault(&mut self.upkeep) => return Err(io::Error::other(fault)),
         }
+        let stopping = self.stopping;
         tracing::info!("stopping");
-        draining.cancel();
-        let deadline = Instant::now() + self.config.grace;
-        if timeout_at(deadline, drained(&mut self.slots)).await.is_err() {
+        let Phases { give_back, cut, end } = Phases::of(self.config.grace);
+        stopping.draining.cancel();
+        stopping.requests.close();
+        let tasks = (&mut self.slots, &mut self.upkeep);
+        if timeout_at(give_back, drained(&stopping, tasks)).await.is_err() {
             self.release.cancel();
-            // A stage looks up at least once per chunk of rays; one that does not is left behind, and its job with it.
-            let _ = timeout(self.config.grace, drained(&mut self.slots)).await;
+            let _ = timeout_at(cut, drained(&stopping, (&mut self.slots, &mut self.upkeep))).await;
         }
-        let _ = timeout_at(deadline, server).await;
-        let _ = timeout_at(deadline, drained(&mut self.upkeep)).await;
+        stopping.closing.cancel();
+        let _ = timeout_at(cut, &mut serving).await;
+        serving.abort();
         self.upkeep.abort_all();
-        self.api.storage.records.close().await;
+        let _ = timeout_at(end, self.api.storage.records.close()).await;
         tracing::info!("stopped");
         Ok(())
     }
+}
+
+/// When a stopping service does what, at the latest.
+struct Phases {
+    /// Running jobs are given back to the queue.
+    give_back: Instant,
+    /// Connections are cut.
+    cut: Instant,
+    /// The database is left.
+    end: Instant,
+}
+
+impl Phases {
+    /// Of a service that is told now to stop within `grace`: half of it, at most two seconds, is for giving jobs back, and
+    /// a quarter of that for the end.
+    fn of(grace: Duration) -> Phases {
+        let (now, last) = (Instant::now(), (grace / 2).min(GIVING_BACK));
+        Phases { give_back: now + (grace - last), cut: now + (grace - last / 4), end: now + grace }
+    }
+}
+
+/// Resolves when nothing is at hand any more: no job, no request from before the stop, no delivery and no upload being finished.
+async fn drained(stopping: &Stopping, (slots, upkeep): (&mut JoinSet<()>, &mut JoinSet<()>)) {
+    while slots.join_next().await.is_some() {}
+    stopping.requests.wait().await;
+    while upkeep.join_next().await.is_some() {}
 }
 
 /// A task that is given up when the service is `stopping`: nothing of it is left half done.
@@ -379,11 +422,6 @@ async fn collect_garbage(storage: Storage, config: Config, mut told: usize) {
             Err(error) => tracing::warn!(%error, "cannot look for garbage; trying again later"),
         }
     }
-}
-
-/// Resolves when every slot has ended.
-async fn drained(slots: &mut JoinSet<()>) {
-    while slots.join_next().await.is_some() {}
 }
 
 /// Opens the stores; where they belong to one process at a time, with the lock that keeps others out.

@@ -13,7 +13,7 @@ use tokio::net::TcpStream;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 
-const HEALTH: &str = "GET /healthz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
+pub const HEALTH: &str = "GET /healthz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
 pub use crate::site::PATIENCE;
 
 /// A service that answers on a real socket.
@@ -38,7 +38,11 @@ impl Listening {
         stream
     }
 
-    async fn ask(&self, request: &str) -> String {
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    pub async fn ask(&self, request: &str) -> String {
         ended(&mut self.open(request.as_bytes()).await).await
     }
 
@@ -55,11 +59,12 @@ pub async fn ended(stream: &mut TcpStream) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-fn bounded(bounds: Bounds) -> impl Fn(Config) -> Config {
+pub fn bounded(bounds: Bounds) -> impl Fn(Config) -> Config {
     move |config| Config { bounds, ..config }
 }
 
-const ROOMY: Bounds = Bounds { connections: 512, head: PATIENCE, unread: PATIENCE };
+pub const ROOMY: Bounds =
+    Bounds { connections: 512, per_address: 256, bounds_loopback: false, head: PATIENCE, unread: PATIENCE };
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_head_that_does_not_end_gives_up_its_place() {

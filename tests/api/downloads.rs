@@ -71,7 +71,8 @@ async fn a_client_that_has_it_gets_nothing_again() {
         for method in [Method::GET, Method::HEAD] {
             let reply = shelf.ask(method, PATTERN, &[("if-none-match", known), ("range", "bytes=0-1")]).await;
             assert_eq!((reply.status.as_u16(), reply.body.len()), (304, 0), "{known}");
-            assert_eq!(reply.header("etag"), etag);
+            // As it is known to the client: the weak tag is that of the same file in other bytes.
+            assert_eq!(reply.header("etag"), if known == weak { &weak } else { &etag });
             assert!(!reply.headers.contains_key("content-type"));
         }
     }

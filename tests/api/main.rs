@@ -34,6 +34,12 @@ mod packed;
 mod access;
 /// What connections may ask of the process.
 mod connections;
+/// Many connections at once.
+mod crowds;
+/// How answers are sent, and under which addresses.
+mod answers;
+/// HTTP/2.
+mod http2;
 /// Numbers, room, retention, backup.
 mod upkeep;
 /// Every way to ask wrongly.

@@ -182,7 +182,7 @@ async fn those_who_wait_leave_room_for_those_who_do_not() {
     }
 
     // A quarter of the connections is for others.
-    let bounds = Bounds { connections: 4, head: PATIENCE, unread: PATIENCE };
+    let bounds = Bounds { connections: 4, head: PATIENCE, unread: PATIENCE, ..Bounds::default() };
     let gate = Gate::new();
     let site = Site::start_as(|config| Config { bounds, ..config }, held(&gate)).await;
     let job = site.job(&site.ray_set().await).await;
@@ -203,7 +203,7 @@ fn job_and_wait(job: &str) -> String {
 async fn a_stream_outlives_the_bounds_of_connections_and_ends_when_the_service_does() {
     let gate = Gate::new();
     let short = Duration::from_millis(300);
-    let bounds = Bounds { connections: 8, head: short, unread: short };
+    let bounds = Bounds { connections: 8, head: short, unread: short, ..Bounds::default() };
     // So long a grace that a connection which waits for its end is seen.
     let grace = PATIENCE;
     let mut site = Site::start_as(|config| Config { bounds, grace, ..config }, held(&gate)).await;

@@ -17,6 +17,9 @@ mod disk;
 /// What people are told to do.
 #[cfg(test)]
 mod remedies;
+/// How it stops.
+#[cfg(test)]
+mod stopping;
 /// What means harm.
 #[cfg(test)]
 mod hostile;
@@ -84,7 +87,7 @@ fn a_job_outlives_kill_9_and_is_published_once() {
 #[test]
 fn sigterm_gives_a_running_job_back_and_the_next_process_ends_it() {
     let folder = tempfile::tempdir().unwrap();
-    let server = Server::start(folder.path(), &["--grace", "1"]);
+    let server = Server::start(folder.path(), &["--grace", "4"]);
     let sample = server.get("/v1/jobs").json()["jobs"][0]["id"].as_str().unwrap().to_owned();
     server.until(&sample, |job| job["state"] != "queued");
     assert!(server.terminate().success(), "SIGTERM is a clean end");

@@ -112,10 +112,20 @@ impl Server {
     }
 
     /// SIGTERM, and how it ended.
-    pub fn terminate(mut self) -> ExitStatus {
+    pub fn terminate(self) -> ExitStatus {
+        self.tell_to_stop();
+        self.ended()
+    }
+
+    /// SIGTERM.
+    pub fn tell_to_stop(&self) {
         // std has no SIGTERM; kill(1) is on every system that has signals.
         let told = Command::new("kill").arg(self.child.id().to_string()).status().unwrap();
         assert!(told.success());
+    }
+
+    /// How it ended, once it has.
+    pub fn ended(mut self) -> ExitStatus {
         self.child.wait().unwrap()
     }
 }

@@ -48,6 +48,8 @@ const HEADERS: [&str; 38] = [
     "cross-origin-resource-policy",
     "etag",
     "location",
+    "ratelimit",
+    "ratelimit-policy",
     "referrer-policy",
     "retry-after",
     "x-content-type-options",
@@ -159,7 +161,7 @@ fn quick(folder: &Path) -> Config {
         // A worker that the machine keeps waiting for so long is taken for dead.
         lease: Duration::from_millis(1200),
         poll: Duration::from_millis(100),
-        grace: Duration::from_millis(400),
+        grace: Duration::from_millis(1500),
         slowest: Slowest { interval: Duration::from_millis(400), bytes: 1 },
         concurrency: 1,
         threads: 1,

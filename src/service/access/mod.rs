@@ -132,12 +132,17 @@ impl Door {
         }
     }
 
-    /// Counts one request of a key.
+    /// How often a key may ask.
+    pub fn policy(&self) -> rate::Policy {
+        self.rate.policy()
+    }
+
+    /// Counts one request of a key; how many more it may make now, or `None` where no keys are asked for.
     ///
     /// # Errors
     /// How long to wait before the next, if that was one too many.
-    pub fn count(&self, access: &Access) -> Result<(), std::time::Duration> {
-        access.key.as_deref().map_or(Ok(()), |key| self.rate.count(key))
+    pub fn count(&self, access: &Access) -> Result<Option<u32>, std::time::Duration> {
+        access.key.as_deref().map(|key| self.rate.count(key)).transpose()
     }
 }
 

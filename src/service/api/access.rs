@@ -1,23 +1,30 @@
 //! What stands before a route: a key with its scope, counted, or, where no keys are asked for, a caller on this machine.
 
 use super::super::access::keys::Refusal;
+use super::super::access::rate::Policy;
 use super::super::access::{Access, Scope};
+use super::super::connections::AtHand;
 use super::Api;
 use super::contract::can_fail;
 use super::headers::honoured;
 use super::problem::Problem;
 use axum::extract::{FromRequestParts, Request};
 use axum::http::request::Parts;
-use axum::http::{HeaderMap, HeaderName, Uri, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Uri, header};
 use axum::middleware::{Next, from_fn};
 use axum::response::IntoResponse;
 use std::net::IpAddr;
 use std::sync::Arc;
 use tracing::Span;
-use utoipa::openapi::OpenApi;
 use utoipa::openapi::path::{Operation, Paths};
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
+use utoipa::openapi::{HeaderBuilder, OpenApi, RefOr};
 use utoipa_axum::router::UtoipaMethodRouter;
+
+/// How often a key may ask.
+pub const RATE_LIMIT_POLICY: HeaderName = HeaderName::from_static("ratelimit-policy");
+/// How often it may still ask.
+pub const RATE_LIMIT: HeaderName = HeaderName::from_static("ratelimit");
 
 /// What the contract calls the way in.
 const SCHEME: &str = "key";
@@ -54,16 +61,54 @@ fn guarded(scopes: Vec<Scope>, counted: Counted, routes: UtoipaMethodRouter<Api>
     let guard = from_fn(move |request: Request, next: Next| {
         let scopes = Arc::clone(&scopes);
         async move {
-            match admitted(request, &scopes, counted).await {
+            let mut limit = None;
+            let mut response = match admitted(request, &scopes, counted, &mut limit).await {
                 Ok(request) => next.run(request).await,
                 Err(problem) => problem.into_response(),
+            };
+            if let Some(limit) = limit {
+                limit.tell(response.headers_mut());
             }
+            response
         }
     });
     (schemas, paths, handlers.route_layer(guard))
 }
 
-async fn admitted(mut request: Request, scopes: &[Scope], counted: Counted) -> Result<Request, Problem> {
+/// What a key may still ask for.
+struct Limit {
+    policy: Policy,
+    left: u32,
+    /// When it may ask again, s, if it may not now.
+    wait_s: Option<u64>,
+}
+
+impl Limit {
+    /// As draft-ietf-httpapi-ratelimit-headers-09 has it.
+    fn tell(&self, headers: &mut HeaderMap) {
+        let Policy { burst, window_s } = self.policy;
+        // A bucket is refilled steadily: that many seconds from now it is full, if nothing is asked meanwhile.
+        let missing = u64::from(burst.saturating_sub(self.left)) * u64::from(window_s);
+        let reset_s = self.wait_s.unwrap_or_else(|| missing.div_ceil(u64::from(burst.max(1))));
+        let told = [
+            (RATE_LIMIT_POLICY, format!("\"requests\";q={burst};w={window_s}")),
+            (RATE_LIMIT, format!("\"requests\";r={};t={reset_s}", self.left)),
+        ];
+        for (name, value) in told {
+            if let Ok(value) = HeaderValue::try_from(value) {
+                headers.insert(name, value);
+            }
+        }
+    }
+}
+
+/// The request with what it may do; its `limit` is what the key may ask for after it.
+async fn admitted(
+    mut request: Request,
+    scopes: &[Scope],
+    counted: Counted,
+    limit: &mut Option<Limit>,
+) -> Result<Request, Problem> {
     let Some(Api { door, origins, .. }) = request.extensions().get::<Api>().cloned() else {
         return Err(Problem::internal());
     };
@@ -78,7 +123,15 @@ async fn admitted(mut request: Request, scopes: &[Scope], counted: Counted) -> R
         return Err(Problem::scope_missing(&names.join(" or ")));
     }
     if counted == Counted::Yes {
-        door.count(&access).map_err(Problem::too_often)?;
+        let (policy, count) = (door.policy(), door.count(&access));
+        *limit = match count {
+            Ok(left) => left.map(|left| Limit { policy, left, wait_s: None }),
+            Err(wait) => Some(Limit { policy, left: 0, wait_s: Some(wait.as_secs() + 1) }),
+        };
+        count.map_err(Problem::too_often)?;
+    }
+    if let Some(at_hand) = request.extensions().get::<AtHand>() {
+        at_hand.admit();
     }
     request.extensions_mut().insert(access);
     Ok(request)
@@ -143,10 +196,25 @@ fn document(operation: &mut Operation, scopes: &[Scope], counted: Counted) {
     let mut refusals =
         vec![("401", "no key, or one that opens nothing"), ("403", "the key has not the scope for this")];
     if counted == Counted::Yes {
-        refusals.push(("429", "too many requests, or the quota is used up"));
+        refusals.push(("429", "too many requests of this key; `RateLimit` says how many it may make"));
     }
     for (status, description) in refusals {
         can_fail(operation, status, description);
+    }
+    if counted == Counted::Yes
+        && let Some(RefOr::T(refusal)) = operation.responses.responses.get_mut("429")
+    {
+        for (name, description) in [
+            ("Retry-After", "when to ask again, s"),
+            (
+                "RateLimit",
+                "as draft-ietf-httpapi-ratelimit-headers-09 has it, in every answer: how many requests are left, and when all are there again",
+            ),
+            ("RateLimit-Policy", "likewise: how many requests after a rest, and how long that rest is"),
+        ] {
+            let header = HeaderBuilder::new().description(Some(description)).build();
+            refusal.headers.insert(name.to_owned(), header.into());
+        }
     }
 }
 
@@ -165,7 +233,6 @@ pub fn document_scheme(contract: &mut OpenApi) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use axum::http::HeaderValue;
 
     fn headers(pairs: &[(HeaderName, &'static str)]) -> HeaderMap {
         let mut headers = HeaderMap::new();

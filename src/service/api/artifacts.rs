@@ -4,6 +4,7 @@ use super::super::access::Access;
 use super::super::jobs::query::{self, StoredArtifact};
 use super::super::jobs::worker::ZIP;
 use super::Api;
+use super::addresses::link;
 use super::extract::Path;
 use super::jobs::find;
 use super::problem::Problem;
@@ -45,9 +46,9 @@ pub struct ArtifactList {
 /// Where the artifact `name` of a job is.
 pub fn href(job: &str, name: &str) -> String {
     if name == ZIP {
-        return format!("/v1/jobs/{job}/{ZIP}");
+        return link(&format!("/v1/jobs/{job}/{ZIP}"));
     }
-    let mut href = format!("/v1/jobs/{job}/artifacts/");
+    let mut href = link(&format!("/v1/jobs/{job}/artifacts/"));
     for byte in name.bytes() {
         match byte {
             b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' | b'/' => href.push(byte.into()),
@@ -95,6 +96,7 @@ pub async fn list(
         ("id" = String, Path, description = "the job"), ("name" = String, Path, description = "the artifact's name"),
         ("Range" = Option<String>, Header, description = "`bytes=<first>-<last>`: one range"),
         ("If-None-Match" = Option<String>, Header, description = "entity tags the client has"),
+        ("If-Match" = Option<String>, Header, description = "entity tags one of which it must have"),
         ("If-Range" = Option<String>, Header, description = "the entity tag that the range is of"),
     ),
     responses(
@@ -102,6 +104,7 @@ pub async fn list(
         (status = 206, content((inline(super::AnyFile) = "*/*"), (inline(super::Binary) = "application/octet-stream")), description = "the bytes asked for", headers(("Content-Range" = String, description = "which they are"))),
         (status = 304, description = "the client has it"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job or artifact"),
+        (status = 412, body = Problem, content_type = "application/problem+json", description = "it has another entity tag than `If-Match` names"),
         (status = 416, body = Problem, content_type = "application/problem+json", description = "a range outside the file"),
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
     )
@@ -127,6 +130,7 @@ pub async fn download(
         ("id" = String, Path, description = "the job"),
         ("Range" = Option<String>, Header, description = "`bytes=<first>-<last>`: one range"),
         ("If-None-Match" = Option<String>, Header, description = "entity tags the client has"),
+        ("If-Match" = Option<String>, Header, description = "entity tags one of which it must have"),
         ("If-Range" = Option<String>, Header, description = "the entity tag that the range is of"),
     ),
     responses(
@@ -134,6 +138,7 @@ pub async fn download(
         (status = 206, content((inline(super::Binary) = "application/zip"), (inline(super::Binary) = "application/octet-stream")), description = "the bytes asked for", headers(("Content-Range" = String, description = "which they are"))),
         (status = 304, description = "the client has it"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job, or no result yet"),
+        (status = 412, body = Problem, content_type = "application/problem+json", description = "it has another entity tag than `If-Match` names"),
         (status = 416, body = Problem, content_type = "application/problem+json", description = "a range outside the file"),
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
     )
@@ -158,6 +163,7 @@ async fn send(api: &Api, id: &str, name: &str, method: &Method, headers: &Header
         Wanted::Whole => (StatusCode::OK, 0..artifact.byte_count),
         Wanted::Part(range) => (StatusCode::PARTIAL_CONTENT, range),
         Wanted::Nothing => (StatusCode::NOT_MODIFIED, 0..0),
+        Wanted::Changed => return Err(Problem::changed(&etag)),
         Wanted::Unsatisfiable => {
             let content_range = [(header::CONTENT_RANGE, format!("bytes */{}", artifact.byte_count))];
             return Ok((content_range, Problem::range_not_satisfiable(artifact.byte_count)).into_response());
@@ -198,11 +204,17 @@ fn describe(
     set(header::CONTENT_TYPE, media_type.to_owned());
     set(header::VARY, "accept".into());
     set(header::CONTENT_LENGTH, (range.end - range.start).to_string());
-    set(header::CONTENT_DISPOSITION, format!("attachment; filename=\"{}\"", file_name(&artifact.name)));
+    set(header::CONTENT_DISPOSITION, disposition(&artifact.name, &artifact.media_type));
     if status == StatusCode::PARTIAL_CONTENT {
         let (start, end) = (range.start, range.end.saturating_sub(1));
         set(header::CONTENT_RANGE, format!("bytes {start}-{end}/{}", artifact.byte_count));
     }
+}
+
+/// A drawing is shown where it is asked for, any other file is kept.
+pub fn disposition(name: &str, media_type: &str) -> String {
+    let kind = if media_type == "image/svg+xml" { "inline" } else { "attachment" };
+    format!("{kind}; filename=\"{}\"", file_name(name))
 }
 
 /// The last part of a name, without what a quoted string may not hold.

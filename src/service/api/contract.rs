@@ -15,8 +15,9 @@ pub fn complete(contract: &mut OpenApi) {
             without_null(parameter);
         }
         if in_path {
-            can_fail(operation, "400", "an address that is no text");
+            can_fail(operation, "400", "an address that is no text, or not exactly one Host");
         }
+        can_fail(operation, "400", "not exactly one Host");
         can_fail(operation, "500", "a fault of the service");
     }
     for (name, schema) in contract.components.iter_mut().flat_map(|components| components.schemas.iter_mut()) {

@@ -1,9 +1,11 @@
 //! How clients hear of a job instead of asking again and again: a long poll, and a stream of server-sent events.
 
 use super::super::access::Access;
+use super::super::forwarded::Prefix;
 use super::super::jobs::query::{self, Standing};
 use super::super::jobs::{State as JobState, watcher::Watching};
 use super::Api;
+use super::addresses;
 use super::extract::Path;
 use super::jobs::{Job, find, overall, stages};
 use super::problem::Problem;
@@ -64,8 +66,8 @@ impl Waiting {
 ///
 /// # Errors
 /// Too many clients wait.
-pub async fn changed(api: &Api, job: &query::Job, wait: Duration) -> Result<(), Problem> {
-    let mut watching = watch(api, job)?;
+pub async fn changed(api: &Api, access: &Access, job: &query::Job, wait: Duration) -> Result<(), Problem> {
+    let mut watching = watch(api, access, job)?;
     let change = async { while watching.next().await.is_some_and(|now| now.state == job.state) {} };
     tokio::select! {
         () = change => {}
@@ -75,8 +77,8 @@ pub async fn changed(api: &Api, job: &query::Job, wait: Duration) -> Result<(), 
     Ok(())
 }
 
-fn watch(api: &Api, job: &query::Job) -> Result<Watching, Problem> {
-    api.watcher.watch(&job.id, Standing::from(job)).ok_or_else(Problem::busy)
+fn watch(api: &Api, access: &Access, job: &query::Job) -> Result<Watching, Problem> {
+    api.watcher.watch(&access.tenant, &job.id, Standing::from(job)).ok_or_else(Problem::busy)
 }
 
 /// How far a job is: the data of the event `progress`.
@@ -157,9 +159,10 @@ pub async fn events(
     if api.draining.is_cancelled() {
         return Err(Problem::draining());
     }
-    let watching = watch(&api, &job)?;
+    let watching = watch(&api, &access, &job)?;
     let first = Some(Standing::from(&job));
-    let telling = Telling { api, access, id, watching, first, over: false, longest: Box::pin(sleep(LONGEST)) };
+    let (prefix, longest) = (addresses::prefix(), Box::pin(sleep(LONGEST)));
+    let telling = Telling { api, access, id, prefix, watching, first, over: false, longest };
     let mut response = Sse::new(telling.stream()).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)).into_response();
     let told = response.headers_mut();
     told.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
@@ -173,6 +176,8 @@ struct Telling {
     api: Api,
     access: Access,
     id: String,
+    /// What its links begin with.
+    prefix: Prefix,
     watching: Watching,
     /// What is told before anything changes.
     first: Option<Standing>,
@@ -208,11 +213,17 @@ impl Telling {
     async fn last(&mut self) -> Option<Event> {
         self.over = true;
         match find(&self.api, &self.access, &self.id).await {
-            Ok(job) => Event::default().event("ended").id(ENDED).json_data(Job::from(job)).ok(),
+            Ok(job) => self.ended(job).await,
             Err(problem) if problem.status == 404 => Event::default().event("gone").id(ENDED).json_data(problem).ok(),
             // The client asks again, and a store that answers by then has it.
             Err(_) => None,
         }
+    }
+
+    /// The whole job, with links as the client that asked for the stream writes them.
+    async fn ended(&self, job: query::Job) -> Option<Event> {
+        let job = addresses::within(self.prefix.clone(), async { Job::from(job) }).await;
+        Event::default().event("ended").id(ENDED).json_data(job).ok()
     }
 }
 

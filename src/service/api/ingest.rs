@@ -75,7 +75,7 @@ impl Elsewhere {
     responses(
         (status = 201, body = Taken, description = "taken in", headers(("Location" = String, description = "the ray set, or the list where there are several"))),
         (status = 400, body = Problem, content_type = "application/problem+json", description = "not JSON; a malformed file; wrong digest"),
-        (status = 413, body = Problem, content_type = "application/problem+json", description = "larger than this service takes"),
+        (status = 413, body = Problem, content_type = "application/problem+json", description = "larger than this service takes, or than there is quota for"),
         (status = 415, body = Problem, content_type = "application/problem+json", description = "not JSON by its Content-Type"),
         (status = 422, body = Problem, content_type = "application/problem+json", description = "unknown field, wrong type; an address that is refused; a file that is refused"),
         (status = 502, body = Problem, content_type = "application/problem+json", description = "the address does not answer, gives no file, or breaks off"),

@@ -6,6 +6,7 @@ use super::super::jobs::options::JobOptions;
 use super::super::jobs::{Failure, Priority, State as JobState, StoredNotice, query};
 use super::super::metadata::Metadata;
 use super::Api;
+use super::addresses::link;
 use super::artifacts::href;
 use super::events::{self, Waiting};
 use super::extract::{Page, Path, Query, cut};
@@ -148,7 +149,7 @@ pub struct JobList {
 impl From<query::Job> for Job {
     fn from(row: query::Job) -> Job {
         let stages = stages(row.stage, row.stage_progress);
-        let this = format!("/v1/jobs/{}", row.id);
+        let this = link(&format!("/v1/jobs/{}", row.id));
         let succeeded = row.state == JobState::Succeeded;
         Job {
             progress: overall(&stages),
@@ -158,7 +159,7 @@ impl From<query::Job> for Job {
                 cancel: (!row.state.ended()).then(|| format!("{this}/cancel")),
                 artifacts: succeeded.then(|| format!("{this}/artifacts")),
                 zip: succeeded.then(|| href(&row.id, super::super::jobs::worker::ZIP)),
-                ray_sets: row.channels.iter().map(|channel| format!("/v1/ray-sets/{}", channel.ray_set)).collect(),
+                ray_sets: row.channels.iter().map(|set| link(&format!("/v1/ray-sets/{}", set.ray_set))).collect(),
                 this,
             },
             id: row.id,
@@ -312,7 +313,7 @@ pub async fn get(
     if wait.is_zero() || job.state.ended() {
         return Ok(Json(job.into()));
     }
-    events::changed(&api, &job, wait).await?;
+    events::changed(&api, &access, &job, wait).await?;
     Ok(Json(find(&api, &access, &id).await?.into()))
 }
 

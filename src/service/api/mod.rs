@@ -10,6 +10,10 @@ pub mod headers;
 pub mod admission;
 /// Errors as clients see them.
 pub mod problem;
+/// Under which address a request came.
+pub mod addresses;
+/// Answers that are sent compressed.
+mod compression;
 /// Conditional and partial requests.
 pub mod ranges;
 /// Ray files.
@@ -46,7 +50,7 @@ mod contract;
 pub mod docs;
 
 use super::access::{Door, Scope};
-use super::connections::Peer;
+use super::forwarded::{Peer, Prefix};
 use super::ingest::Ingest;
 use super::jobs::queue::Queue;
 use super::jobs::watcher::Watcher;
@@ -57,7 +61,7 @@ use super::upload::Intake;
 use super::upload::resume::Uploads;
 use super::webhooks::dispatcher::Dispatcher;
 use super::webhooks::{EndedJob, Message};
-use access::{needs, needs_one_of, needs_only};
+use access::{RATE_LIMIT, RATE_LIMIT_POLICY, needs, needs_one_of, needs_only};
 use admission::{admit, admit_but_waiting, can_be_full, kept, patient, roomy};
 use axum::extract::Request;
 use axum::http::{HeaderName, HeaderValue, Method, Uri, header};
@@ -114,6 +118,8 @@ pub struct Api {
     pub door: Door,
     /// Web pages of these origins may use the service.
     pub origins: Arc<[String]>,
+    /// The path of the service's public URL: links begin with it.
+    pub prefix: Prefix,
     /// What is counted.
     pub metrics: Metrics,
     /// Room on local disks.
@@ -241,11 +247,14 @@ fn dressed(router: Router<Api>, api: Api) -> Router {
         .layer(SetRequestIdLayer::new(REQUEST_ID, NewRequestId))
         .layer(TraceLayer::new_for_http().make_span_with(span))
         .layer(PropagateRequestIdLayer::new(REQUEST_ID))
+        .layer(middleware::from_fn(compression::tagged))
+        .layer(compression::layer())
         .layer(default_header(header::X_CONTENT_TYPE_OPTIONS, "nosniff"))
         .layer(default_header(header::CONTENT_SECURITY_POLICY, "default-src 'none'; frame-ancestors 'none'; sandbox"))
         .layer(default_header(header::REFERRER_POLICY, "no-referrer"))
         .layer(default_header(HeaderName::from_static("cross-origin-resource-policy"), "same-origin"))
         .layer(default_header(header::CACHE_CONTROL, "no-store"))
+        .layer(middleware::from_fn_with_state(api.clone(), addresses::known))
         .layer(middleware::from_fn_with_state(api.clone(), tus::speak))
         .option_layer(pages_from(&api.origins))
         .layer(Extension(api.clone()))
@@ -257,7 +266,10 @@ fn dressed(router: Router<Api>, api: Api) -> Router {
         .layer(layers)
         .with_state(api);
     // What stands around a router stands before it has chosen a route.
-    Router::new().fallback_service(routes).layer(middleware::map_request(tus::meant))
+    let before = ServiceBuilder::new()
+        .layer(middleware::map_request(addresses::without_slash))
+        .layer(middleware::map_request(tus::meant));
+    Router::new().fallback_service(routes).layer(before)
 }
 
 /// The contract as it is committed: `openapi/openapi.json`.
@@ -284,7 +296,7 @@ fn default_header(name: HeaderName, value: &'static str) -> SetResponseHeaderLay
 /// What every log line of a request carries; tenant and key once they are known.
 fn span(request: &Request) -> tracing::Span {
     let id = request.headers().get(REQUEST_ID).and_then(|id| id.to_str().ok()).unwrap_or_default();
-    let peer = request.extensions().get::<Peer>().map(|peer| tracing::field::display(peer.0));
+    let peer = request.extensions().get::<Peer>().map(|peer| tracing::field::display(*peer));
     let (method, path) = (request.method(), request.uri().path());
     let (tenant, key) = (tracing::field::Empty, tracing::field::Empty);
     tracing::info_span!("request", %method, path, id, peer, tenant, key)
@@ -294,7 +306,16 @@ fn span(request: &Request) -> tracing::Span {
 fn pages_from(origins: &[String]) -> Option<CorsLayer> {
     let known: Vec<HeaderValue> = origins.iter().filter_map(|origin| HeaderValue::from_str(origin).ok()).collect();
     let methods = [Method::GET, Method::HEAD, Method::POST, Method::PATCH, Method::PUT, Method::DELETE];
-    let seen = [header::LOCATION, header::ETAG, header::RETRY_AFTER, header::CONTENT_RANGE, REQUEST_ID];
+    let seen = [
+        header::LOCATION,
+        header::ETAG,
+        header::RETRY_AFTER,
+        header::CONTENT_RANGE,
+        header::CONTENT_DISPOSITION,
+        RATE_LIMIT,
+        RATE_LIMIT_POLICY,
+        REQUEST_ID,
+    ];
     let layer = CorsLayer::new().allow_origin(AllowOrigin::list(known)).allow_methods(methods);
     let seen: Vec<HeaderName> = seen.into_iter().chain(tus::SEEN).collect();
     let layer = layer.allow_headers(AllowHeaders::mirror_request()).expose_headers(seen).max_age(CORS_MEMORY);

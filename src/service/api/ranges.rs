@@ -14,13 +14,19 @@ pub enum Wanted {
     Nothing,
     /// What the file does not have.
     Unsatisfiable,
+    /// Nothing, unless the file is another: `If-Match` does not hold.
+    Changed,
 }
 
 /// What `headers` ask of a file of `byte_count` bytes with the entity tag `etag` (quotes included).
 pub fn wanted(headers: &HeaderMap, etag: &str, byte_count: u64) -> Wanted {
     let text = |name: HeaderName| headers.get(name).and_then(|value| value.to_str().ok());
-    let known = headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
-    if known.flat_map(|list| list.split(',')).map(str::trim).any(|tag| tag == "*" || weak(tag) == etag) {
+    // Compared strongly (RFC 9110, section 13.1.1): a weak tag is that of other bytes.
+    let mut expected = tags(headers, header::IF_MATCH).peekable();
+    if expected.peek().is_some() && !expected.any(|tag| tag == "*" || tag == etag) {
+        return Wanted::Changed;
+    }
+    if tags(headers, header::IF_NONE_MATCH).any(|tag| tag == "*" || weak(tag) == etag) {
         return Wanted::Nothing;
     }
     // If-Range compares strongly, and a date never matches: we send none.
@@ -28,6 +34,12 @@ pub fn wanted(headers: &HeaderMap, etag: &str, byte_count: u64) -> Wanted {
         return Wanted::Whole;
     }
     text(header::RANGE).map_or(Wanted::Whole, |range| part(range, byte_count))
+}
+
+/// The entity tags of a condition.
+fn tags(headers: &HeaderMap, name: HeaderName) -> impl Iterator<Item = &str> {
+    let lists = headers.get_all(name).into_iter().map(|value| value.to_str().unwrap_or("?"));
+    lists.flat_map(|list| list.split(',')).map(str::trim)
 }
 
 /// A tag as the weak comparison sees it.
@@ -125,6 +137,19 @@ mod tests {
         assert_eq!(asked(&[(header::IF_RANGE, "\"tag\""), range.clone()]), Wanted::Part(0..2));
         for other in ["\"other\"", "W/\"tag\"", "Sun, 22 Nov 2026 00:00:00 GMT"] {
             assert_eq!(asked(&[(header::IF_RANGE, other), range.clone()]), Wanted::Whole, "{other}");
+        }
+    }
+
+    #[test]
+    fn a_file_that_is_not_the_expected_one_is_not_sent() {
+        // RFC 9110, sections 13.1.1 and 13.2.2: If-Match before everything else, by the strong comparison.
+        let none = (header::IF_NONE_MATCH, "\"tag\"");
+        for other in ["\"other\"", "W/\"tag\"", "", "\"other\", W/\"tag\""] {
+            assert_eq!(asked(&[(header::IF_MATCH, other), none.clone()]), Wanted::Changed, "{other}");
+        }
+        for same in ["\"tag\"", "*", "\"other\" , \"tag\""] {
+            assert_eq!(asked(&[(header::IF_MATCH, same)]), Wanted::Whole, "{same}");
+            assert_eq!(asked(&[(header::IF_MATCH, same), none.clone()]), Wanted::Nothing, "{same}");
         }
     }
 

@@ -7,6 +7,8 @@ use super::super::storage::inspections::{self, Drawing};
 use super::super::storage::ray_sets::{self, Deletion};
 use super::super::upload::{self, Announcement, LeftOut};
 use super::Api;
+use super::addresses::link;
+use super::artifacts::disposition;
 use super::extract::{Page, Path, Query, cut};
 use super::problem::{Problem, SEND_THE_FILE};
 use super::ranges::{Wanted, media_type, wanted};
@@ -28,6 +30,8 @@ pub const MAX_NAME_CHARS: usize = 255;
 /// Drawings of an inspection.
 const ORIGINS: &str = "origins.svg";
 const FAR_FIELD: &str = "far-field.svg";
+/// The media type of a drawing.
+const SVG: &str = "image/svg+xml";
 
 /// A ray file as it was taken in.
 #[derive(Serialize, ToSchema)]
@@ -108,7 +112,7 @@ pub struct RaySetList {
 impl From<ray_sets::RaySet> for RaySet {
     fn from(row: ray_sets::RaySet) -> RaySet {
         RaySet {
-            links: RaySetLinks { this: format!("/v1/ray-sets/{}", row.id), origins: None, far_field: None },
+            links: RaySetLinks { this: link(&format!("/v1/ray-sets/{}", row.id)), origins: None, far_field: None },
             id: row.id,
             name: row.name,
             byte_count: row.byte_count,
@@ -169,7 +173,7 @@ impl RaySet {
         (status = 201, body = Taken, description = "taken in", headers(("Location" = String, description = "the ray set, or the list where there are several"))),
         (status = 400, body = Problem, content_type = "application/problem+json", description = "malformed file, header or query; truncated body; wrong digest"),
         (status = 408, body = Problem, content_type = "application/problem+json", description = "the upload fell silent"),
-        (status = 413, body = Problem, content_type = "application/problem+json", description = "larger than this service takes"),
+        (status = 413, body = Problem, content_type = "application/problem+json", description = "larger than this service takes, or than there is quota for"),
         (status = 415, body = Problem, content_type = "application/problem+json", description = "a form or an encoded body"),
         (status = 422, body = Problem, content_type = "application/problem+json", description = "a file that is refused; an unusable query"),
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, stopping, or a store that does not answer"),
@@ -213,7 +217,7 @@ pub(super) async fn known(api: &Api, taken: upload::Taken) -> Result<Response, P
     }
     let location = match answer.ray_sets.as_slice() {
         [ray_set] => ray_set.links.this.clone(),
-        _ => "/v1/ray-sets".to_owned(),
+        _ => link("/v1/ray-sets"),
     };
     Ok((StatusCode::CREATED, [(header::LOCATION, location)], Json(answer)).into_response())
 }
@@ -272,11 +276,13 @@ async fn find(api: &Api, access: &Access, id: &str) -> Result<ray_sets::RaySet, 
     params(
         ("id" = String, Path, description = "the ray set"),
         ("If-None-Match" = Option<String>, Header, description = "entity tags the client has"),
+        ("If-Match" = Option<String>, Header, description = "entity tags one of which it must have"),
     ),
     responses(
         (status = 200, content((String = "image/svg+xml"), (inline(super::Binary) = "application/octet-stream")), description = "the drawing; as plain bytes where `Accept` names only application/octet-stream", headers(("ETag" = String, description = "its SHA-256"))),
         (status = 304, description = "the client has it"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such ray set or drawing"),
+        (status = 412, body = Problem, content_type = "application/problem+json", description = "it has another entity tag than `If-Match` names"),
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
     )
 )]
@@ -297,11 +303,13 @@ pub async fn origins(
     params(
         ("id" = String, Path, description = "the ray set"),
         ("If-None-Match" = Option<String>, Header, description = "entity tags the client has"),
+        ("If-Match" = Option<String>, Header, description = "entity tags one of which it must have"),
     ),
     responses(
         (status = 200, content((String = "image/svg+xml"), (inline(super::Binary) = "application/octet-stream")), description = "the drawing; as plain bytes where `Accept` names only application/octet-stream", headers(("ETag" = String, description = "its SHA-256"))),
         (status = 304, description = "the client has it"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such ray set or drawing"),
+        (status = 412, body = Problem, content_type = "application/problem+json", description = "it has another entity tag than `If-Match` names"),
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
     )
 )]
@@ -320,7 +328,11 @@ async fn drawing(api: &Api, access: &Access, id: &str, name: &str, headers: &Hea
     let Drawing { sha256, svg, .. } = found.ok_or_else(|| Problem::no_drawing(name))?;
     let etag = format!("\"{sha256}\"");
     // A drawing is small: a range is answered with all of it.
-    let known = wanted(headers, &etag, svg.len() as u64) == Wanted::Nothing;
+    let asked = wanted(headers, &etag, svg.len() as u64);
+    if asked == Wanted::Changed {
+        return Err(Problem::changed(&etag));
+    }
+    let known = asked == Wanted::Nothing;
     let mut response = if known { StatusCode::NOT_MODIFIED.into_response() } else { svg.into_response() };
     let told = response.headers_mut();
     told.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
@@ -328,8 +340,12 @@ async fn drawing(api: &Api, access: &Access, id: &str, name: &str, headers: &Hea
         told.insert(header::ETAG, etag);
     }
     if !known {
-        told.insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type(headers, "image/svg+xml")));
+        let media_type = media_type(headers, SVG);
+        told.insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type));
         told.insert(header::VARY, HeaderValue::from_static("accept"));
+        if let Ok(disposition) = HeaderValue::try_from(disposition(name, media_type)) {
+            told.insert(header::CONTENT_DISPOSITION, disposition);
+        }
     }
     Ok(response)
 }

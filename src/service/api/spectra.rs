@@ -9,6 +9,7 @@ use super::super::storage::ray_sets::Deletion;
 use super::super::storage::spectra;
 use super::super::upload;
 use super::Api;
+use super::addresses::link;
 use super::extract::{Page, Path, Query, bytes_up_to, cut};
 use super::problem::Problem;
 use super::ray_sets::announcement;
@@ -74,7 +75,7 @@ pub struct SpectrumList {
 impl From<spectra::Spectrum> for Spectrum {
     fn from(row: spectra::Spectrum) -> Spectrum {
         Spectrum {
-            links: SpectrumLinks { this: format!("/v1/spectra/{}", row.id) },
+            links: SpectrumLinks { this: link(&format!("/v1/spectra/{}", row.id)) },
             nm_value: row.points().ok(),
             id: row.id,
             name: row.name,
@@ -104,7 +105,7 @@ impl From<spectra::Spectrum> for Spectrum {
     responses(
         (status = 201, body = Spectrum, description = "taken in", headers(("Location" = String, description = "the spectrum"))),
         (status = 400, body = Problem, content_type = "application/problem+json", description = "malformed file, header or query; truncated body; wrong digest"),
-        (status = 413, body = Problem, content_type = "application/problem+json", description = "larger than a spectrum is"),
+        (status = 413, body = Problem, content_type = "application/problem+json", description = "larger than a spectrum is, or than there is quota for"),
         (status = 415, body = Problem, content_type = "application/problem+json", description = "a form or an encoded body"),
         (status = 422, body = Problem, content_type = "application/problem+json", description = "a file that is refused; an unusable query"),
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, stopping, or a store that does not answer"),

@@ -97,6 +97,7 @@ pub struct Asking {
         (status = 410, body = Problem, content_type = "application/problem+json", description = "the job that the key made was deleted"),
         (status = 413, body = Problem, content_type = "application/problem+json", description = "the body is too large, or the quota of bytes is used"),
         (status = 415, body = Problem, content_type = "application/problem+json", description = "not JSON by its Content-Type"),
+        (status = 429, body = Problem, content_type = "application/problem+json", description = "as many jobs of the tenant wait as may, or too many requests of this key"),
         (status = 422, body = Problem, content_type = "application/problem+json", description = "unknown field, wrong type, out of range; channels that cannot be one source; more memory than there is; a key used for another request"),
         (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, stopping, or a store that does not answer"),
     )

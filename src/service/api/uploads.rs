@@ -9,6 +9,7 @@ use super::super::upload::finish::Became;
 use super::super::upload::resume::{Error, Piece, refusal};
 use super::super::upload::{Announcement, LeftOut};
 use super::Api;
+use super::addresses::link;
 use super::extract::{Page, Path, Query, cut};
 use super::problem::Problem;
 use super::ray_sets::announcement;
@@ -91,7 +92,7 @@ impl From<uploads::Upload> for Upload {
         let Became { ray_sets, left_out } = became.flatten().and_then(Result::ok).unwrap_or_default();
         let links = UploadLinks {
             this: address(&row.id),
-            ray_sets: ray_sets.iter().map(|id| format!("/v1/ray-sets/{id}")).collect(),
+            ray_sets: ray_sets.iter().map(|id| link(&format!("/v1/ray-sets/{id}"))).collect(),
         };
         Upload {
             state: row.state.name(),
@@ -114,7 +115,7 @@ impl From<uploads::Upload> for Upload {
 }
 
 fn address(id: &str) -> String {
-    format!("{}/{id}", tus::PATH)
+    link(&format!("{}/{id}", tus::PATH))
 }
 
 /// Begins an upload that can be resumed

@@ -4,6 +4,7 @@ use super::super::access::Access;
 use super::super::webhooks::Event;
 use super::super::webhooks::endpoints::{self, Endpoint, Told};
 use super::Api;
+use super::addresses::link;
 use super::extract::{Body, Page, Path, Query, cut};
 use super::problem::Problem;
 use axum::Json;
@@ -119,7 +120,7 @@ fn all() -> Vec<Event> {
 
 impl From<Endpoint> for Webhook {
     fn from(row: Endpoint) -> Webhook {
-        let this = format!("/v1/webhooks/{}", row.id);
+        let this = link(&format!("/v1/webhooks/{}", row.id));
         Webhook {
             id: row.id,
             url: row.url,

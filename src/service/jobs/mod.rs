@@ -18,6 +18,8 @@ pub mod submit;
 mod claim;
 /// What becomes of jobs whose worker was lost, and of those that nobody can begin.
 mod recovery;
+/// Places that tenants share.
+pub mod shares;
 /// Tells clients that their jobs change.
 pub mod watcher;
 /// Takes jobs from the queue and computes them.

@@ -2,10 +2,11 @@
 
 use super::super::storage::records::Records;
 use super::query::{self, Standing};
+use super::shares::{Share, Shares};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
-use tokio::sync::{Notify, OwnedSemaphorePermit, Semaphore, watch};
+use tokio::sync::{Notify, watch};
 use tokio::time::sleep;
 
 /// Least time between two looks: what changes together is told together.
@@ -19,7 +20,7 @@ struct Shared {
     watched: Mutex<Watched>,
     /// Somebody began to wait.
     begun: Notify,
-    places: Arc<Semaphore>,
+    places: Shares,
 }
 
 #[derive(Default)]
@@ -38,15 +39,15 @@ struct News {
 }
 
 impl Watcher {
-    /// A watcher for at most `places` clients at once.
-    pub fn new(places: usize) -> Watcher {
-        let places = Arc::new(Semaphore::new(places));
+    /// A watcher for clients that have a place among `places`.
+    pub fn new(places: Shares) -> Watcher {
         Watcher(Arc::new(Shared { watched: Mutex::default(), begun: Notify::new(), places }))
     }
 
-    /// Watches a job that was `known` to be so a moment ago; `None` when too many clients wait already.
-    pub fn watch(&self, id: &str, known: Standing) -> Option<Watching> {
-        let place = Arc::clone(&self.0.places).try_acquire_owned().ok()?;
+    /// Watches a job of `tenant` that was `known` to be so a moment ago; `None` when too many clients wait already, all together
+    /// or of this tenant.
+    pub fn watch(&self, tenant: &str, id: &str, known: Standing) -> Option<Watching> {
+        let place = self.0.places.take(tenant)?;
         let mut watched = self.0.watched();
         // A look that has begun may have read the job before this client did.
         let since = watched.looks + 1;
@@ -110,7 +111,7 @@ pub struct Watching {
     since: u64,
     news: watch::Receiver<News>,
     shared: Arc<Shared>,
-    _place: OwnedSemaphorePermit,
+    _place: Share,
 }
 
 impl Watching {
@@ -152,28 +153,29 @@ mod tests {
 
     #[test]
     fn places_are_bounded_and_given_back_and_jobs_nobody_waits_for_are_forgotten() {
-        let watcher = Watcher::new(2);
+        let watcher = Watcher::new(Shares::new(2, false));
         let known = || standing(State::Queued);
-        let (first, second) = (watcher.watch("a", known()).unwrap(), watcher.watch("a", known()).unwrap());
-        assert!(watcher.watch("b", known()).is_none());
+        let (first, second) =
+            (watcher.watch("lab", "a", known()).unwrap(), watcher.watch("lab", "a", known()).unwrap());
+        assert!(watcher.watch("lab", "b", known()).is_none());
         drop(first);
         assert_eq!(watcher.0.watched().jobs.len(), 1, "another still waits for it");
         drop(second);
         assert!(watcher.0.watched().jobs.is_empty());
-        assert!(watcher.watch("b", known()).is_some());
+        assert!(watcher.watch("lab", "b", known()).is_some());
     }
 
     #[tokio::test]
     async fn what_was_read_before_a_client_came_is_not_news_to_it() {
-        let watcher = Watcher::new(2);
+        let watcher = Watcher::new(Shares::new(2, false));
         let send = |look, state| {
             let told = watcher.0.watched().jobs.get("a").cloned().unwrap();
             told.send_replace(News { look, standing: Some(standing(state)) });
         };
-        let mut early = watcher.watch("a", standing(State::Queued)).unwrap();
+        let mut early = watcher.watch("lab", "a", standing(State::Queued)).unwrap();
         // A look begins and reads `queued`; the job is begun, a client sees that and waits; the look ends.
         watcher.0.watched().looks += 1;
-        let mut late = watcher.watch("a", standing(State::Running)).unwrap();
+        let mut late = watcher.watch("lab", "a", standing(State::Running)).unwrap();
         send(1, State::Queued);
         tokio::select! {
             biased;

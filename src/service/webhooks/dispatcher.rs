@@ -116,7 +116,8 @@ impl Dispatcher {
     async fn attempt(&self, sending: &Sending) -> Attempted {
         let failed = |error: String| Attempted { error: Some(error), ..Attempted::default() };
         let Sending { id, timestamp_s, body, secrets, .. } = sending;
-        let signature = match signature::sign(secrets, id, *timestamp_s, body) {
+        let body = self.policy.addressed(body);
+        let signature = match signature::sign(secrets, id, *timestamp_s, &body) {
             Ok(signature) => signature,
             Err(error) => {
                 tracing::error!(delivery = id, %error, "a delivery cannot be signed");
@@ -128,7 +129,7 @@ impl Dispatcher {
             ("webhook-timestamp", timestamp_s.to_string()),
             ("webhook-signature", signature),
         ];
-        match self.outbound.post(&sending.url, &headers, body.clone(), self.policy.longest).await {
+        match self.outbound.post(&sending.url, &headers, body, self.policy.longest).await {
             Ok(answer) => Attempted {
                 status: Some(answer.status),
                 answer: Some(answer.beginning),

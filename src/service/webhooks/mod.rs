@@ -13,6 +13,7 @@ pub mod dispatcher;
 pub mod signature;
 
 use super::calendar::rfc_3339;
+use super::forwarded::Prefix;
 use super::jobs::worker::ZIP;
 use super::jobs::{Failure, State};
 use super::metadata::Metadata;
@@ -79,6 +80,25 @@ pub struct Policy {
     pub keep: Duration,
     /// How long a secret that was replaced still signs.
     pub overlap: Duration,
+    /// The path of the service's public URL: the links in messages begin with it.
+    pub prefix: Prefix,
+}
+
+impl Policy {
+    /// A message as it is posted: its links below the path of the service's public URL.
+    fn addressed(&self, message: &str) -> String {
+        let links = |message: &str| {
+            let mut message: serde_json::Value = serde_json::from_str(message).ok()?;
+            for link in message.get_mut("data")?.get_mut("links")?.as_object_mut()?.values_mut() {
+                if let serde_json::Value::String(path) = link {
+                    path.insert_str(0, self.prefix.as_str());
+                }
+            }
+            Some(message.to_string())
+        };
+        let changed = Some(message).filter(|_| !self.prefix.as_str().is_empty()).and_then(links);
+        changed.unwrap_or_else(|| message.to_owned())
+    }
 }
 
 impl Default for Policy {
@@ -92,6 +112,7 @@ impl Default for Policy {
             give_up: Duration::from_hours(72),
             keep: Duration::from_hours(30 * 24),
             overlap: Duration::from_hours(24),
+            prefix: Prefix::default(),
         }
     }
 }
@@ -182,6 +203,19 @@ fn message<T: Serialize>(kind: &'static str, at_ms: i64, data: T) -> Result<Stri
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn links_are_below_the_public_path_and_nothing_else_changes() {
+        let message = r#"{"type":"ping","timestamp":"2026-01-01T00:00:00Z","data":{"id":"/v1/x","links":{"self":"/v1/jobs/x","zip":null}}}"#;
+        let policy = Policy { prefix: Prefix::parse("/lamps").unwrap(), ..Policy::default() };
+        let changed: serde_json::Value = serde_json::from_str(&policy.addressed(message)).unwrap();
+        assert_eq!(
+            changed["data"],
+            serde_json::json!({"id": "/v1/x", "links": {"self": "/lamps/v1/jobs/x", "zip": null}})
+        );
+        assert_eq!(Policy::default().addressed(message), message);
+        assert_eq!(policy.addressed(r#"{"type":"ping","data":{}}"#), r#"{"type":"ping","data":{}}"#);
+    }
 
     #[test]
     fn the_waits_are_those_of_the_standard() {

@@ -275,6 +275,15 @@ impl Problem {
         Problem::new(status, "artifact.range_not_satisfiable", "Range not satisfiable", detail)
     }
 
+    /// The file is not the one that the client expects.
+    pub fn changed(etag: &str) -> Problem {
+        let detail = format!("If-Match does not name the entity tag of what is here, {etag}.");
+        let status = StatusCode::PRECONDITION_FAILED;
+        Problem::new(status, "request.precondition_failed", "The precondition does not hold", detail)
+            .at("If-Match")
+            .remedy("Get it again without If-Match, and take its ETag.")
+    }
+
     /// More requests at once than are served.
     pub fn busy() -> Problem {
         let detail = "Too many requests of this kind are being served.";

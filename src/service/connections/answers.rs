@@ -1,0 +1,101 @@
+//! Answers on their way: what is held until they are sent, and how long a client may not ask for more of them.
+
+use super::places::{AtHand, Forwarded};
+use axum::body::Body as Answer;
+use bytes::Bytes;
+use hyper::body::{Body, Frame, SizeHint};
+use std::collections::HashMap;
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Poll};
+use std::time::Duration;
+use tokio::time::{Instant, sleep};
+
+/// The answers of one HTTP/2 connection that wait until their client has room for more. There, a client that reads nothing of one
+/// answer may go on reading the connection.
+#[derive(Default)]
+pub struct Unasked(Mutex<Waiting>);
+
+#[derive(Default)]
+struct Waiting {
+    next: u64,
+    since: HashMap<u64, Instant>,
+}
+
+impl Unasked {
+    fn waiting(&self) -> MutexGuard<'_, Waiting> {
+        // Nothing is left half done in there.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn note(&self, number: u64) {
+        self.waiting().since.insert(number, Instant::now());
+    }
+
+    fn forget(&self, number: u64) {
+        self.waiting().since.remove(&number);
+    }
+
+    fn enter(&self) -> u64 {
+        let mut waiting = self.waiting();
+        waiting.next += 1;
+        let number = waiting.next;
+        waiting.since.insert(number, Instant::now());
+        number
+    }
+
+    /// Resolves when an answer has waited for its client for the `longest` time.
+    pub async fn too_long(&self, longest: Duration) {
+        while !self.waiting().since.values().any(|since| since.elapsed() >= longest) {
+            sleep(longest / 4).await;
+        }
+    }
+}
+
+/// An answer that holds what its request has of the service until it is sent.
+pub struct Held {
+    body: Answer,
+    unasked: Option<(Arc<Unasked>, u64)>,
+    _at_hand: AtHand,
+    _forwarded: Option<Forwarded>,
+}
+
+impl Held {
+    /// The answer `body` of a request that is `at_hand`.
+    pub fn new(body: Answer, at_hand: AtHand, forwarded: Option<Forwarded>, unasked: Option<&Arc<Unasked>>) -> Held {
+        let unasked = unasked.map(|unasked| (Arc::clone(unasked), unasked.enter()));
+        Held { body, unasked, _at_hand: at_hand, _forwarded: forwarded }
+    }
+}
+
+impl Body for Held {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        let frame = Pin::new(&mut self.body).poll_frame(cx);
+        if let Some((unasked, number)) = &self.unasked {
+            match &frame {
+                Poll::Ready(Some(_)) => unasked.note(*number),
+                _ => unasked.forget(*number),
+            }
+        }
+        frame
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.body.size_hint()
+    }
+}
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        if let Some((unasked, number)) = &self.unasked {
+            unasked.forget(*number);
+        }
+    }
+}
