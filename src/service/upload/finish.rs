@@ -3,6 +3,7 @@
 //! the ray set's as they are: nothing is copied.
 
 use super::super::api::problem::Problem;
+use super::super::priority::Lost;
 use super::super::storage::endings::{self, Claim};
 use super::super::storage::ray_sets::Draft;
 use super::super::storage::uploads::{self, Concat, State, Upload};
@@ -215,7 +216,8 @@ impl Uploads {
         let Storage { records, .. } = &self.intake.storage;
         let (byte_count, parts) = (upload.offset, uploads::parts(records, &upload.id).await?);
         let (id, name) = (upload.id.clone(), upload.name.clone());
-        let mut stored = Stored { id, name, sha256: String::new(), is_packed: false, byte_count, parts };
+        let sha256 = String::new();
+        let mut stored = Stored { id, name, sha256, is_packed: false, byte_count, parts, inspecting: None };
         let extent = match &upload.concat {
             Concat::Final { .. } => self.read_once(&stored, gone.clone()).await?,
             Concat::Whole | Concat::Partial => Extent::resumed(upload.offset, &upload.sha256_state)
@@ -235,7 +237,7 @@ impl Uploads {
     async fn read_once(&self, stored: &Stored, gone: CancellationToken) -> Result<Extent, FileError> {
         let bytes = self.intake.read(stored);
         let reading = spawn_blocking(move || {
-            let (mut extent, mut block) = (Extent::default(), vec![0; BLOCK_BYTES]);
+            let (mut extent, mut block) = (Extent::of_one_request(), vec![0; BLOCK_BYTES]);
             while extent.byte_count < bytes.len() {
                 if gone.is_cancelled() {
                     return Err(pipeline::Error::Cancelled);
@@ -270,7 +272,9 @@ impl Uploads {
         match error {
             Unfit(Cancelled) => Fate::Lost,
             Unfit(Unreadable(cause)) | Packed(Unreadable(cause))
-                if cause.get_ref().is_some_and(|it| it.is::<JoinError>()) =>
+                if cause
+                    .get_ref()
+                    .is_some_and(|it| it.is::<JoinError>() || matches!(it.downcast_ref(), Some(Lost::Panicked(_)))) =>
             {
                 // A panic of ours: another attempt will hardly do better.
                 let last = claim.attempt >= i64::from(self.max_attempts);

@@ -5,7 +5,7 @@ use super::super::storage::joining::{self, Joining};
 use super::super::storage::uploads::{self, Concat, New, State, Upload};
 use super::super::storage::{self, new_id};
 use super::extent::Extent;
-use super::resume::{Error, Uploads};
+use super::resume::{self, Error, Uploads};
 use super::{Announcement, Error as FileError};
 
 /// What is wrong with a piece that is named.
@@ -35,7 +35,7 @@ impl Uploads {
     ) -> Result<Upload, Error> {
         let records = &self.intake.storage.records;
         let Announcement { name, sha256: announced, declared, .. } = whole;
-        let sha256_state = Extent::default().state();
+        let sha256_state = resume::state(&Extent::default())?;
         let mut new = New {
             id: new_id(),
             name,
