@@ -64,6 +64,11 @@ struct Ended {
 }
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct Inspected {
+    when: &'static str,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct Build {
     version: &'static str,
 }
@@ -81,6 +86,7 @@ struct Numbers {
     connections: Gauge,
     uploads: Gauge,
     upload_bytes: Counter,
+    inspections: Family<Inspected, Counter>,
     attempts: Family<Ended, Counter>,
     attempt_seconds: Family<Ended, Histogram, fn() -> Histogram>,
     leases_lost: Counter,
@@ -125,6 +131,7 @@ impl Metrics {
             connections: Gauge::default(),
             uploads: Gauge::default(),
             upload_bytes: Counter::default(),
+            inspections: Family::default(),
             attempts: Family::default(),
             attempt_seconds: Family::new_with_constructor(attempt_times),
             leases_lost: Counter::default(),
@@ -142,6 +149,9 @@ impl Metrics {
             webhook_attempts: Family::default(),
             webhook_backlog: Gauge::default(),
         };
+        for when in ["arriving", "stored"] {
+            numbers.inspections.get_or_create(&Inspected { when }).inc_by(0);
+        }
         numbers.register_own();
         numbers.register_shared();
         Metrics(Arc::new(numbers))
@@ -160,6 +170,12 @@ impl Metrics {
     /// Bytes of an upload came.
     pub fn upload_bytes(&self, bytes: u64) {
         self.0.upload_bytes.inc_by(bytes);
+    }
+
+    /// The rays of an uploaded file were all read, while it came or after it was stored.
+    pub fn inspected(&self, while_it_came: bool) {
+        let when = if while_it_came { "arriving" } else { "stored" };
+        self.0.inspections.get_or_create(&Inspected { when }).inc();
     }
 
     /// A request was answered: its body may still be on its way.
@@ -224,6 +240,8 @@ impl Numbers {
         registry.register("connections", "Open connections", self.connections.clone());
         registry.register("uploads", "Uploads being taken in", self.uploads.clone());
         registry.register("upload_bytes", "Bytes of uploads that came", self.upload_bytes.clone());
+        let help = "Uploaded files whose rays were all read, by when: while the file arrived, or after it was stored";
+        registry.register("inspections", help, self.inspections.clone());
         let help = "Attempts at jobs by this process that ended, by how; put back and lost ones are tried again";
         registry.register("job_attempts", help, self.attempts.clone());
         let help = "Seconds that attempts at jobs took, by how they ended";

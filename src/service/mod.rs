@@ -75,14 +75,13 @@ use storage::space::Space;
 use storage::{Storage, endings, garbage, private};
 use tokio::io::AsyncRead;
 use tokio::net::TcpListener;
-use tokio::sync::Semaphore;
 use tokio::task::{JoinError, JoinSet};
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout_at};
 use tokio_util::io::ReaderStream;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
 use upload::resume::Uploads;
-use upload::{Announcement, Buffers, INSPECTIONS, Intake};
+use upload::{Announcement, Buffers, Digests, Intake, Places};
 use webhooks::deliveries;
 use webhooks::dispatcher::Dispatcher;
 
@@ -256,7 +255,9 @@ impl Service {
             space: space.clone(),
             limits,
             buffers: Buffers::default(),
-            inspections: Arc::new(Semaphore::new(INSPECTIONS)),
+            digests: Digests::new()?,
+            inspections: Places::default(),
+            metrics: metrics.clone(),
         };
         Ok(Api {
             ingest: Ingest::new(outbound, &config.ingest_buckets)?,

@@ -12,6 +12,10 @@ use std::thread;
 #[cfg(target_os = "linux")]
 const NICE: i32 = 10;
 
+/// The same for a thread that somebody waits for who still sends: a third of the weight of one at 0, three times that of one at 10.
+#[cfg(target_os = "linux")]
+const LITTLE: i32 = 5;
+
 /// Why work on a thread of its own has no result.
 #[derive(Debug, thiserror::Error)]
 pub enum Lost {
@@ -28,11 +32,20 @@ pub enum Lost {
 /// others afterwards. Where the system refuses, and on systems that know no priority of a single thread, nothing changes.
 pub fn lower() {
     #[cfg(target_os = "linux")]
-    {
-        // On Linux, "this process" means the calling thread.
-        if let Err(error) = rustix::process::setpriority_process(None, NICE) {
-            tracing::debug!(%error, "cannot lower the priority of a computing thread");
-        }
+    lower_to(NICE);
+}
+
+/// As [`lower`], but only so far that those still lower give way to it.
+pub fn lower_a_little() {
+    #[cfg(target_os = "linux")]
+    lower_to(LITTLE);
+}
+
+#[cfg(target_os = "linux")]
+fn lower_to(nice: i32) {
+    // On Linux, "this process" means the calling thread.
+    if let Err(error) = rustix::process::setpriority_process(None, nice) {
+        tracing::debug!(%error, "cannot lower the priority of a computing thread");
     }
 }
 

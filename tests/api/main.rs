@@ -5,6 +5,8 @@
 
 #[path = "../support/engines.rs"]
 mod engines;
+#[path = "../support/formats.rs"]
+mod formats;
 #[path = "../support/packing.rs"]
 mod packing;
 #[path = "../support/rays.rs"]
@@ -20,6 +22,8 @@ mod site;
 mod walk;
 /// What is taken in, and what is not.
 mod uploads;
+/// What is inspected while it comes.
+mod arrivals;
 /// Uploads that are resumed.
 mod resume;
 /// Several requests for one of them.

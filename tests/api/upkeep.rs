@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
 /// The value of a number in Prometheus' text format.
-async fn number(site: &Site, name: &str) -> f64 {
+pub async fn number(site: &Site, name: &str) -> f64 {
     let reply = site.get("/metrics").await;
     assert_eq!(reply.status, StatusCode::OK);
     assert_eq!(reply.header("content-type"), "text/plain; version=0.0.4; charset=utf-8");

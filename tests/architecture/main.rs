@@ -58,7 +58,7 @@ const PIPELINE_CRATES: [&str; 13] = [
 const WORLD: [&str; 6] = ["env", "fs", "net", "process", "thread", "time"];
 
 /// One foreign library, one file (or folder): whoever replaces it reads no other. The one with two rows is the operating system.
-const HOMES: [(&str, &str); 28] = [
+const HOMES: [(&str, &str); 29] = [
     ("flate2", "pipeline/rays/container"),
     ("ruzstd", "pipeline/rays/container/zstd"),
     ("obvhs", "pipeline/flux/bvh"),
@@ -75,6 +75,7 @@ const HOMES: [(&str, &str); 28] = [
     ("sha1", "service/upload/checksum"),
     ("hyper", "service/connections"),
     ("hyper_util", "service/connections"),
+    ("ring", "service/upload/extent"),
     ("rustix", "service/storage"),
     ("rustix", "service/priority"),
     ("percent_encoding", "service/storage/database_file"),

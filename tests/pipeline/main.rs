@@ -4,6 +4,8 @@
 
 mod bad_input;
 mod channels;
+#[path = "../support/formats.rs"]
+mod formats;
 mod inspection;
 mod known_sources;
 mod prefixes;

@@ -108,6 +108,11 @@ impl Blobs {
         Ok(())
     }
 
+    /// Where a blob is a file of this machine; `None` for a remote store.
+    pub fn local_file(&self, key: &str) -> Option<PathBuf> {
+        self.folder.as_ref().map(|folder| folder.join(key))
+    }
+
     /// How much of a blob to ask for at once, bytes: a request to S3 costs as much time as a megabyte, one to a disk little.
     pub fn block_bytes(&self) -> u64 {
         if self.folder.is_some() { 256 << 10 } else { 1 << 20 }

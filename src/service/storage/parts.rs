@@ -4,12 +4,16 @@ use super::blobs::Blobs;
 use crate::pipeline;
 use bytes::Bytes;
 use std::collections::VecDeque;
+use std::fs::File;
 use std::io;
+use std::os::unix::fs::FileExt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::runtime::Handle;
 
 /// Blocks kept, so that threads which read chunks next to each other do not ask twice for what lies between.
 const BLOCKS: usize = 8;
+/// Local files kept open, so that a part is not opened for every chunk of it.
+const FILES: usize = 8;
 
 /// One immutable piece of an upload.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,15 +26,23 @@ pub struct Part {
 
 /// Parts in order, read like one file. Asked from the pipeline's own threads, never from an async one: it waits.
 pub struct Parts {
-    blobs: Blobs,
-    /// What is asked of the store at once.
-    block_bytes: u64,
+    reader: PartReader,
     parts: Vec<Part>,
     /// Offset of each part in the whole, and the total length last.
     offsets: Vec<u64>,
+}
+
+/// Reads the parts of one file, each known by its number: local files straight into the reader's memory, others a block at a
+/// time for all threads.
+pub struct PartReader {
+    blobs: Blobs,
+    /// What is asked of the store at once.
+    block_bytes: u64,
     runtime: Handle,
     /// The blocks last begun, oldest first.
     blocks: Mutex<VecDeque<Block>>,
+    /// The local files last opened, oldest first.
+    files: Mutex<VecDeque<(usize, Arc<File>)>>,
 }
 
 /// A piece of a part: asked for by the first thread that needs it, waited for by the others.
@@ -50,7 +62,55 @@ impl Parts {
             end += part.byte_count;
             offsets.push(end);
         }
-        Parts { block_bytes: blobs.block_bytes(), blobs, parts, offsets, runtime, blocks: Mutex::default() }
+        Parts { reader: PartReader::new(blobs, runtime), parts, offsets }
+    }
+}
+
+impl PartReader {
+    /// Parts that are among `blobs`.
+    pub fn new(blobs: Blobs, runtime: Handle) -> PartReader {
+        let block_bytes = blobs.block_bytes();
+        PartReader { blobs, block_bytes, runtime, blocks: Mutex::default(), files: Mutex::default() }
+    }
+
+    /// Fills `into` from byte `from` of `part`, whose number is `index`. Waits: not to be called by an async thread.
+    ///
+    /// # Errors
+    /// The store did not answer, or has less than that.
+    pub fn read(&self, index: usize, part: &Part, from: u64, into: &mut [u8]) -> io::Result<()> {
+        // Where that fails, the store says why.
+        if let Some(file) = self.file(index, part)
+            && file.read_exact_at(into, from).is_ok()
+        {
+            return Ok(());
+        }
+        let (mut rest, mut from) = (into, from);
+        while !rest.is_empty() {
+            let block = self.block(index, part, from / self.block_bytes)?;
+            let bytes = block.get((from % self.block_bytes) as usize..).unwrap_or_default();
+            if bytes.is_empty() {
+                return Err(io::ErrorKind::UnexpectedEof.into());
+            }
+            let (now, later) = rest.split_at_mut(bytes.len().min(rest.len()));
+            now.copy_from_slice(bytes.get(..now.len()).unwrap_or_default());
+            from += now.len() as u64;
+            rest = later;
+        }
+        Ok(())
+    }
+
+    /// A part that is a file of this machine, open.
+    fn file(&self, index: usize, part: &Part) -> Option<Arc<File>> {
+        if let Some((_, file)) = locked(&self.files).iter().find(|(number, _)| *number == index) {
+            return Some(Arc::clone(file));
+        }
+        let file = Arc::new(File::open(self.blobs.local_file(&part.blob)?).ok()?);
+        let mut files = locked(&self.files);
+        if files.len() == FILES {
+            files.pop_front();
+        }
+        files.push_back((index, Arc::clone(&file)));
+        Some(file)
     }
 
     /// The bytes of one block, the last of a part being shorter.
@@ -103,15 +163,14 @@ impl pipeline::Bytes for Parts {
         let first = self.offsets.partition_point(|start| *start <= offset).saturating_sub(1);
         let (mut rest, mut offset) = (into, offset);
         for (index, (part, start)) in self.parts.iter().zip(&self.offsets).enumerate().skip(first) {
-            while !rest.is_empty() && offset < start + part.byte_count {
-                let (number, from) = ((offset - start) / self.block_bytes, (offset - start) % self.block_bytes);
-                let block = self.block(index, part, number)?;
-                let bytes = block.get(from as usize..).unwrap_or_default();
-                let (now, later) = rest.split_at_mut(bytes.len().min(rest.len()));
-                now.copy_from_slice(bytes.get(..now.len()).unwrap_or_default());
-                offset += now.len() as u64;
-                rest = later;
+            let there = (start + part.byte_count).saturating_sub(offset);
+            let length = usize::try_from(there).unwrap_or(usize::MAX).min(rest.len());
+            let (now, later) = rest.split_at_mut(length);
+            if !now.is_empty() {
+                self.reader.read(index, part, offset - start, now)?;
             }
+            offset += length as u64;
+            rest = later;
         }
         Ok(())
     }

@@ -217,7 +217,8 @@ impl Uploads {
         let Storage { records, .. } = &self.intake.storage;
         let (byte_count, parts) = (upload.offset, uploads::parts(records, &upload.id).await?);
         let (id, name) = (upload.id.clone(), upload.name.clone());
-        let mut stored = Stored { id, name, sha256: String::new(), is_packed: false, byte_count, parts };
+        let sha256 = String::new();
+        let mut stored = Stored { id, name, sha256, is_packed: false, byte_count, parts, inspecting: None };
         let extent = match &upload.concat {
             Concat::Final { .. } => self.read_once(&stored, gone.clone()).await?,
             Concat::Whole | Concat::Partial => Extent::resumed(upload.offset, &upload.sha256_state)
@@ -239,7 +240,7 @@ impl Uploads {
     async fn read_once(&self, stored: &Stored, gone: CancellationToken) -> Result<Extent, FileError> {
         let bytes = self.intake.read(stored);
         let reading = priority::compute("digest", move || {
-            let (mut extent, mut block) = (Extent::default(), vec![0; BLOCK_BYTES]);
+            let (mut extent, mut block) = (Extent::of_one_request(), vec![0; BLOCK_BYTES]);
             while extent.byte_count < bytes.len() {
                 if gone.is_cancelled() {
                     return Err(pipeline::Error::Cancelled);

@@ -5,7 +5,7 @@ use super::super::storage::joining::{self, Joining};
 use super::super::storage::uploads::{self, Concat, New, State, Upload};
 use super::super::storage::{self, new_id};
 use super::extent::Extent;
-use super::resume::{Error, Uploads};
+use super::resume::{self, Error, Uploads};
 use super::{Announcement, Error as FileError};
 
 /// What is wrong with a piece that is named.
@@ -35,7 +35,7 @@ impl Uploads {
     ) -> Result<Upload, Error> {
         let records = &self.intake.storage.records;
         let Announcement { name, sha256: announced, declared, metadata: client_metadata, .. } = whole;
-        let sha256_state = Extent::default().state();
+        let sha256_state = resume::state(&Extent::default())?;
         let mut new = New {
             id: new_id(),
             name,
@@ -109,7 +109,7 @@ impl Uploads {
 /// Whether a piece is what was announced of it.
 fn holds(piece: &Upload) -> Result<(), FileError> {
     let extent = Extent::resumed(piece.offset, &piece.sha256_state);
-    let extent = extent.ok_or_else(|| storage::Error::Records("the state of a digest cannot be read".into()))?;
+    let extent = extent.ok_or_else(|| storage::Error::fault("the state of a digest cannot be read"))?;
     let found = extent.sha256();
     match piece.announced.iter().find(|announced| **announced != found) {
         Some(announced) => Err(FileError::Digest { announced: announced.clone(), found }),

@@ -1,11 +1,15 @@
 //! Takes in a ray file, or several in a packed one: counts, hashes, judges and stores it while it streams by. Memory does not
-//! grow with the file: what is not yet a stored part is at most one part. A packed file is stored as it comes and unpacked
-//! when all of it is there: its digest covers what was sent.
+//! grow with the file: what is not yet a stored part is at most two parts. Hashing, storing and inspecting go on side by side
+//! while it comes. A packed file is stored as it comes and unpacked when all of it is there: its digest covers what was sent.
 
 /// How much of a file has come.
 mod extent;
 /// Memory for parts.
 mod buffers;
+/// A file that is still coming, read as if it were whole.
+mod arriving;
+/// What the rays of a file say.
+mod inspecting;
 /// From bytes to parts.
 mod spool;
 /// What is in a packed file.
@@ -20,33 +24,28 @@ pub mod finish;
 pub mod join;
 
 use super::access::quota::{Exceeded, Quota, Room};
-use super::hex::hex;
 use super::jobs::channels::FileDeclaration;
 use super::metadata::Metadata;
+use super::metrics::Metrics;
 use super::pace::{Pace, Slowest, TooSlow};
-use super::priority;
-use super::storage::inspections::{Drawing, Inspection};
 use super::storage::parts::{Part, Parts};
 use super::storage::ray_sets::{self, Draft, Packed, RaySet};
 use super::storage::space::Space;
 use super::storage::{self, Storage, new_id, ray_set_folder};
-use crate::pipeline::{self, Artifact, Fault, Input, Limits, Place, Stage, Watch};
+use crate::pipeline::{self, Fault, Limits, Place};
 pub use buffers::Buffers;
 use bytes::Bytes;
+pub use extent::Digests;
 use futures::Stream;
+pub use inspecting::Places;
+use inspecting::{Described, Inspecting, Prospect};
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 pub use spool::PART_BYTES;
 use spool::Spool;
 use std::fmt::Display;
 use std::pin::pin;
-use std::sync::Arc;
 use tokio::runtime::Handle;
-use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
-
-/// Files read to their end at once: each holds the blocks that its threads read, and all threads work on each.
-pub const INSPECTIONS: usize = 2;
 
 /// Why a ray file is not taken in.
 #[derive(Debug, thiserror::Error)]
@@ -126,6 +125,8 @@ pub(super) struct Stored {
     pub is_packed: bool,
     byte_count: u64,
     parts: Vec<Part>,
+    /// The inspection that began while it came.
+    inspecting: Option<Inspecting>,
 }
 
 /// What a sender says of a file before its bytes.
@@ -145,14 +146,6 @@ pub struct Announcement {
     pub gone: CancellationToken,
 }
 
-/// What a whole file turned out to be.
-struct Described {
-    /// What it says of itself, as JSON.
-    header: String,
-    /// What its rays say.
-    inspection: Inspection,
-}
-
 /// Takes files in. Cheap to clone.
 #[derive(Clone)]
 pub struct Intake {
@@ -170,8 +163,12 @@ pub struct Intake {
     pub limits: Limits,
     /// Where parts are filled.
     pub buffers: Buffers,
-    /// Places for files that are read to their end, [`INSPECTIONS`] of them.
-    pub inspections: Arc<Semaphore>,
+    /// Threads for their digests.
+    pub digests: Digests,
+    /// Places for files that are read to their end.
+    pub inspections: Places,
+    /// Counts those files.
+    pub metrics: Metrics,
 }
 
 impl Intake {
@@ -251,12 +248,12 @@ impl Intake {
         body: impl Stream<Item = Result<Bytes, E>>,
     ) -> Result<Stored, Error> {
         room.admit(announcement.byte_count.unwrap_or(1))?;
-        let mut body = pin!(body);
-        let mut spool = Spool::new(self, id, announcement.byte_count);
-        let mut pace = Pace::new(self.slowest);
-        while let Some(chunk) = pace.next(&mut body).await? {
-            spool.push(&chunk.map_err(|error| Error::Broken(error.to_string()))?).await?;
-            room.admit(spool.byte_count())?;
+        let spool = Spool::new(self, id, announcement.byte_count);
+        let mut spool = spool.inspected(Prospect::of(&announcement));
+        if let Err(error) = self.fill(&mut spool, room, body).await {
+            // What is on its way must be there before it is deleted; the first error is told.
+            let _ = spool.settle().await;
+            return Err(error);
         }
         let stored = spool.end(announcement.name).await?;
         match announcement.sha256.into_iter().find(|announced| *announced != stored.sha256) {
@@ -265,22 +262,30 @@ impl Intake {
         }
     }
 
+    /// Takes all of a body.
+    async fn fill<E: Display>(
+        &self,
+        spool: &mut Spool<'_>,
+        room: Room,
+        body: impl Stream<Item = Result<Bytes, E>>,
+    ) -> Result<(), Error> {
+        let (mut body, mut pace) = (pin!(body), Pace::new(self.slowest));
+        while let Some(chunk) = pace.next(&mut body).await? {
+            spool.push(&chunk.map_err(|error| Error::Broken(error.to_string()))?).await?;
+            room.admit(spool.byte_count())?;
+        }
+        Ok(())
+    }
+
     /// The ray set that a stored file is to be, with what the whole file says of itself.
     pub(super) async fn draft(
         &self,
-        stored: Stored,
+        mut stored: Stored,
         packed: Option<Packed>,
         declared: &FileDeclaration,
         gone: CancellationToken,
     ) -> Result<Draft, Error> {
-        let input = Input {
-            name: stored.name.clone(),
-            sha256: stored.sha256.clone(),
-            bytes: Arc::new(self.read(&stored)),
-            declared: declared.resolve().map_err(in_query)?,
-            notices: Vec::new(),
-        };
-        let Described { header, inspection } = self.inspect_and_describe(input, gone).await?;
+        let Described { header, inspection } = self.describe(&mut stored, declared, gone).await?;
         let declared = declared.clone();
         let Stored { id, name, sha256, byte_count, parts, .. } = stored;
         let metadata = Metadata::default();
@@ -291,18 +296,6 @@ impl Intake {
     /// The bytes of a stored file.
     pub(super) fn read(&self, stored: &Stored) -> Parts {
         Parts::new(self.storage.blobs.clone(), stored.parts.clone(), Handle::current())
-    }
-
-    /// Reads the whole file once, on a thread that may block, until `gone`.
-    async fn inspect_and_describe(&self, input: Input, gone: CancellationToken) -> Result<Described, Error> {
-        let limits = self.limits;
-        let _place = tokio::select! {
-            // Never closed: without a place it would go on all the same.
-            place = self.inspections.acquire() => place,
-            () = gone.cancelled() => return Err(pipeline::Error::Cancelled.into()),
-        };
-        let work = move || describe(&input, &limits, &Until(gone)).map_err(in_query);
-        Ok(priority::compute("inspect", work).await.map_err(pipeline::Error::from)??)
     }
 }
 
@@ -321,36 +314,5 @@ pub(super) fn in_query(error: pipeline::Error) -> pipeline::Error {
             Unusable(Fault { remedy: format!("{} {example}", fault.remedy), ..fault })
         }
         other => other,
-    }
-}
-
-/// Inspects a file and draws what was found.
-fn describe(input: &Input, limits: &Limits, watch: &dyn Watch) -> Result<Described, pipeline::Error> {
-    let found = pipeline::inspect(input, limits, watch)?;
-    let unwritable = |error: serde_json::Error| pipeline::Error::Internal(error.to_string());
-    let mut header = found.header.clone();
-    header.texts.clear();
-    let drawing = |drawing: Artifact| Drawing {
-        sha256: hex(&Sha256::digest(&drawing.bytes)),
-        svg: String::from_utf8_lossy(&drawing.bytes).into_owned(),
-        name: drawing.name,
-    };
-    Ok(Described {
-        header: serde_json::to_string(&header).map_err(unwritable)?,
-        inspection: Inspection {
-            json: serde_json::to_string(&found).map_err(unwritable)?,
-            drawings: pipeline::drawings(&found, &input.name).into_iter().map(drawing).collect(),
-        },
-    })
-}
-
-/// Watches an inspection on behalf of a client that may go away.
-struct Until(CancellationToken);
-
-impl Watch for Until {
-    fn progress(&self, _stage: Stage, _fraction: f64) {}
-
-    fn cancelled(&self) -> bool {
-        self.0.is_cancelled()
     }
 }

@@ -137,7 +137,7 @@ impl Uploads {
             return Err(FileError::LowSpace.into());
         }
         let Announcement { name, byte_count, sha256: announced, declared, metadata: client_metadata, .. } = whole;
-        let sha256_state = Extent::default().state();
+        let sha256_state = state(&Extent::default())?;
         let id = new_id();
         let new = New { id, name, metadata, declared, client_metadata, announced, byte_count, sha256_state, is_partial };
         let Intake { storage, quota, .. } = &self.intake;
@@ -295,6 +295,11 @@ impl Uploads {
     }
 }
 
+/// How an upload's digest goes on in another request.
+pub(super) fn state(extent: &Extent) -> Result<String, storage::Error> {
+    extent.state().ok_or_else(|| storage::Error::fault("the digest of an upload cannot go on"))
+}
+
 /// What was said when an upload was refused.
 pub fn refusal(upload: &Upload) -> Problem {
     let said = upload.result.as_deref().and_then(|result| serde_json::from_str(result).ok());
@@ -336,6 +341,14 @@ impl Writing<'_> {
         loop {
             let next = tokio::select! {
                 next = pace.next(&mut body) => next.map_err(FileError::from)?,
+                // It is named as soon as it is stored, also when the sender is silent then.
+                stored = self.spool.settle(), if self.spool.is_underway() => {
+                    stored?;
+                    if piece.checksum.is_none() {
+                        self.name_stored().await?;
+                    }
+                    continue;
+                }
                 () = self.uploads.stopping.cancelled() => return Err(Error::Stopping),
             };
             let Some(chunk) = next else { break };
@@ -391,13 +404,14 @@ impl Writing<'_> {
         }
         let (parts, stored) = self.spool.stored();
         let Intake { storage, quota, .. } = &self.uploads.intake;
+        let sha256_state = state(&stored)?;
         let addition = Addition {
             tenant: self.tenant,
             id: &self.upload.id,
             session: self.session,
             from: self.named,
             to: stored.byte_count,
-            sha256_state: &stored.state(),
+            sha256_state: &sha256_state,
             number: self.number,
             parts: &parts,
             expiry: self.uploads.expiry,
@@ -420,6 +434,8 @@ impl Writing<'_> {
 
     /// Deletes what is stored and has no row.
     async fn discard(&mut self) {
+        // Its part is not stored then: there is nothing to delete.
+        let _ = self.spool.settle().await;
         let (parts, _) = self.spool.stored();
         self.delete(&parts).await;
     }

@@ -101,6 +101,14 @@ impl Unpacking {
 
     fn store(&self, id: &str, name: &str, member: &mut Member<'_>) -> Result<Stored, Error> {
         let mut spool = Spool::new(&self.intake, id, None);
+        let filled = self.fill(&mut spool, member);
+        // What is on its way must be there before it is deleted.
+        let settled = self.runtime.block_on(spool.settle());
+        filled.and(settled)?;
+        self.runtime.block_on(spool.end(name.to_owned()))
+    }
+
+    fn fill(&self, spool: &mut Spool<'_>, member: &mut Member<'_>) -> Result<(), Error> {
         let before: u64 = self.drafts.iter().map(|draft| draft.ray_set.byte_count).sum();
         let mut block = vec![0; BLOCK_BYTES];
         loop {
@@ -109,7 +117,7 @@ impl Unpacking {
             }
             let count = member.read(&mut block).map_err(Error::Packed)?;
             if count == 0 {
-                return self.runtime.block_on(spool.end(name.to_owned()));
+                return Ok(());
             }
             self.runtime.block_on(spool.push(block.get(..count).unwrap_or_default()))?;
             self.room.admit(before + spool.byte_count())?;

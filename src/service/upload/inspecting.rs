@@ -1,0 +1,189 @@
+//! What the rays of a file say: read to its end once, while it comes or afterwards.
+//!
+//! While it comes: only a file that comes by itself and says how long it is, and only where none of [`ARRIVALS`] others is.
+//! Whoever inspects waits for bytes that have not come; a sender that lets it wait too long is not waited for, and what came of
+//! it is read afterwards, like every other file.
+
+use super::super::hex::hex;
+use super::super::jobs::channels::FileDeclaration;
+use super::super::priority::{self, Lost};
+use super::super::storage::inspections::{Drawing, Inspection};
+use super::super::storage::parts::Part;
+use super::arriving::Arriving;
+use super::{Announcement, Error, Intake, Stored, in_query};
+use crate::pipeline::{self, Artifact, Input, Limits, Stage, Watch};
+use bytes::Bytes;
+use rayon::ThreadPoolBuilder;
+use sha2::{Digest, Sha256};
+use std::io;
+use std::sync::Arc;
+use tokio::runtime::Handle;
+use tokio::sync::Semaphore;
+use tokio::task::JoinHandle;
+use tokio_util::sync::{CancellationToken, DropGuard};
+
+/// Files read to their end at once after they have come: each holds the blocks that its threads read, and all threads work on
+/// each.
+const INSPECTIONS: usize = 2;
+/// Files inspected at once while they come, by all threads too. Where several come at once the processors are busy anyway, and
+/// each would need its memory. A place of its own: a long upload keeps it as long as it comes, and others must not wait for that.
+const ARRIVALS: usize = 1;
+
+/// Places for files that are read to their end. Cheap to clone.
+#[derive(Clone)]
+pub struct Places {
+    stored: Arc<Semaphore>,
+    arriving: Arc<Semaphore>,
+}
+
+impl Default for Places {
+    fn default() -> Places {
+        let places = |count| Arc::new(Semaphore::new(count));
+        Places { stored: places(INSPECTIONS), arriving: places(ARRIVALS) }
+    }
+}
+
+/// What a whole file turned out to be.
+pub(super) struct Described {
+    /// What it says of itself, as JSON.
+    pub header: String,
+    /// What its rays say.
+    pub inspection: Inspection,
+}
+
+/// What must be known of a file to inspect it while it comes.
+pub(super) struct Prospect {
+    name: String,
+    declared: FileDeclaration,
+    gone: CancellationToken,
+}
+
+impl Prospect {
+    /// Of a file that is announced.
+    pub fn of(announcement: &Announcement) -> Prospect {
+        let Announcement { name, declared, gone, .. } = announcement.clone();
+        Prospect { name, declared, gone }
+    }
+}
+
+/// A file that is inspected while it comes. Dropped, that ends.
+pub(super) struct Inspecting {
+    arriving: Arc<Arriving>,
+    described: JoinHandle<Result<Result<Described, pipeline::Error>, Lost>>,
+    _stop: DropGuard,
+}
+
+impl Inspecting {
+    /// The next bytes of the file have come; they are not stored yet.
+    pub fn has_come(&self, bytes: Bytes) {
+        self.arriving.has_come(bytes);
+    }
+
+    /// The first of the bytes that were not stored yet are.
+    pub fn is_stored(&self, part: Part) {
+        self.arriving.is_stored(part);
+    }
+
+    /// What the file turned out to be, all of it being there; `None` where that could not be found out while it came.
+    async fn described(mut self) -> Option<Result<Described, Error>> {
+        use pipeline::Error::{Cancelled, Unreadable};
+        match (&mut self.described).await {
+            Ok(Ok(Err(Cancelled | Unreadable(_))) | Err(_)) | Err(_) => None,
+            Ok(Ok(described)) => Some(described.map_err(|error| in_query(error).into())),
+        }
+    }
+}
+
+impl Drop for Inspecting {
+    fn drop(&mut self) {
+        self.arriving.stop();
+    }
+}
+
+impl Intake {
+    /// Begins to inspect a file of `byte_count` bytes of which nothing has come; `None` where it is to be inspected afterwards.
+    pub(super) fn inspect_as_it_comes(&self, prospect: Prospect, byte_count: u64) -> Option<Inspecting> {
+        let place = Arc::clone(&self.inspections.arriving).try_acquire_owned().ok()?;
+        let Prospect { name, declared, gone } = prospect;
+        let arriving = Arc::new(Arriving::new(self.storage.blobs.clone(), byte_count, Handle::current()));
+        let bytes = Arc::clone(&arriving);
+        // Its digest is not known yet; what is found does not depend on it.
+        let input = Input { name, sha256: String::new(), bytes, declared: declared.resolve().ok()?, notices: Vec::new() };
+        let (stopped, limits) = (gone.child_token(), self.limits);
+        let _stop = stopped.clone().drop_guard();
+        let work = move || {
+            let _place = place;
+            // Threads of its own: on shared ones it would keep others waiting for this file's sender.
+            let pool = ThreadPoolBuilder::new().thread_name(|thread| format!("arrival-{thread}"));
+            match pool.start_handler(|_| priority::lower()).build() {
+                Ok(pool) => pool.install(|| describe(&input, &limits, &Until(stopped))),
+                Err(error) => Err(pipeline::Error::Unreadable(io::Error::other(error))),
+            }
+        };
+        let described = tokio::spawn(priority::compute("arrival", work));
+        Some(Inspecting { arriving, described, _stop })
+    }
+
+    /// What a stored file turns out to be, until its client is `gone`: found while it came, or now.
+    pub(super) async fn describe(
+        &self,
+        stored: &mut Stored,
+        declared: &FileDeclaration,
+        gone: CancellationToken,
+    ) -> Result<Described, Error> {
+        if let Some(inspecting) = stored.inspecting.take()
+            && let Some(described) = inspecting.described().await
+        {
+            self.metrics.inspected(true);
+            return described;
+        }
+        let input = Input {
+            name: stored.name.clone(),
+            sha256: stored.sha256.clone(),
+            bytes: Arc::new(self.read(stored)),
+            declared: declared.resolve().map_err(in_query)?,
+            notices: Vec::new(),
+        };
+        let limits = self.limits;
+        let _place = tokio::select! {
+            // Never closed: without a place it would go on all the same.
+            place = self.inspections.stored.acquire() => place,
+            () = gone.cancelled() => return Err(pipeline::Error::Cancelled.into()),
+        };
+        let work = move || describe(&input, &limits, &Until(gone)).map_err(in_query);
+        let described = priority::compute("inspect", work).await.map_err(pipeline::Error::from)?;
+        self.metrics.inspected(false);
+        Ok(described?)
+    }
+}
+
+/// Inspects a file and draws what was found.
+fn describe(input: &Input, limits: &Limits, watch: &dyn Watch) -> Result<Described, pipeline::Error> {
+    let found = pipeline::inspect(input, limits, watch)?;
+    let unwritable = |error: serde_json::Error| pipeline::Error::Internal(error.to_string());
+    let mut header = found.header.clone();
+    header.texts.clear();
+    let drawing = |drawing: Artifact| Drawing {
+        sha256: hex(&Sha256::digest(&drawing.bytes)),
+        svg: String::from_utf8_lossy(&drawing.bytes).into_owned(),
+        name: drawing.name,
+    };
+    Ok(Described {
+        header: serde_json::to_string(&header).map_err(unwritable)?,
+        inspection: Inspection {
+            json: serde_json::to_string(&found).map_err(unwritable)?,
+            drawings: pipeline::drawings(&found, &input.name).into_iter().map(drawing).collect(),
+        },
+    })
+}
+
+/// Watches an inspection on behalf of a client that may go away.
+struct Until(CancellationToken);
+
+impl Watch for Until {
+    fn progress(&self, _stage: Stage, _fraction: f64) {}
+
+    fn cancelled(&self) -> bool {
+        self.0.is_cancelled()
+    }
+}
