@@ -115,12 +115,14 @@ impl Queue {
         let rows = transaction.read(take).await?;
         let Some(row) = rows.first() else { return Ok(Tried::Busy) };
         let Some(held) = self.memory.hold(row.count("needed_bytes")?) else { return Ok(Tried::Full) };
+        let id = row.text("id")?;
+        let change = self.change(&tenant, &id);
         transaction.commit().await?;
+        drop(change);
         crash::point("claim.committed");
-        self.told(1);
         let timeout_ms = row.optional_number("timeout_ms")?.map(|ms| Duration::from_millis(ms.max(0).unsigned_abs()));
         Ok(Tried::Taken(Claim {
-            id: row.text("id")?,
+            id,
             tenant,
             fence: row.number("fence")?,
             attempt: row.number("attempt")?,
