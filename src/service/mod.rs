@@ -53,7 +53,7 @@ pub use config::{Config, Role};
 
 use access::rate::RateLimit;
 use access::{DEFAULT_TENANT, Door, keys};
-use api::Api;
+use api::{Api, Services};
 use axum::Router;
 use connections::{Server, Stopping};
 use ingest::Ingest;
@@ -61,6 +61,7 @@ use jobs::channels::NewJob;
 use jobs::memory::Memory;
 use jobs::query::Filter;
 use jobs::queue::{self, Queue};
+use jobs::recent::Recent;
 use jobs::watcher::Watcher;
 use jobs::worker::{Runner, Worker, pipeline_runner};
 use metrics::Metrics;
@@ -180,6 +181,7 @@ impl Service {
         }
         let metrics = Metrics::new();
         let queue = Queue::new(storage.clone(), config.lease, config.max_attempts);
+        let queue = queue.remembered(Recent::new(storage.records.clone(), lock.is_some(), config.poll));
         let queue = queue.bounded(config.quota, metrics.clone());
         let memory = Memory::new(config.memory_bytes, metrics.clone());
         let queue = queue.within(memory, config.threads, config.job_timeout);
@@ -200,7 +202,8 @@ impl Service {
         upkeep.spawn(until(stop.clone(), collect_garbage(storage.clone(), config.clone(), left_alone)));
         upkeep.spawn(until(stop.clone(), retention::keep_up(storage.clone(), queue.clone(), config.retention)));
         let watcher = Watcher::new(config.waiting());
-        let watching = watcher.clone().keep_up(storage.records.clone(), queue.changes(), config.poll);
+        let (records, recent) = (storage.records.clone(), queue.recent().clone());
+        let watching = watcher.clone().keep_up(records, recent, queue.changes(), config.poll);
         upkeep.spawn(until(stop.clone(), watching));
         let outbound = Outbound::new(config.outbound_exceptions.clone());
         let dispatcher = Dispatcher::new(storage.records.clone(), outbound, config.told(), metrics.clone());
@@ -259,7 +262,7 @@ impl Service {
             inspections: Places::default(),
             metrics: metrics.clone(),
         };
-        Ok(Api {
+        Ok(Api::new(Services {
             ingest: Ingest::new(outbound, &config.ingest_buckets)?,
             uploads: Uploads {
                 intake: intake.clone(),
@@ -280,7 +283,7 @@ impl Service {
             dispatcher,
             metrics,
             draining,
-        })
+        }))
     }
 
     /// Where it listens.

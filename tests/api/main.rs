@@ -64,6 +64,8 @@ mod restore;
 mod jobs;
 /// How clients hear of their jobs.
 mod watching;
+/// Who asks again and again.
+mod polling;
 /// Who is next: turns, priorities, memory, time.
 mod lines;
 /// Keys, reuse, estimates, filters.

@@ -58,7 +58,7 @@ const PIPELINE_CRATES: [&str; 13] = [
 const WORLD: [&str; 6] = ["env", "fs", "net", "process", "thread", "time"];
 
 /// One foreign library, one file (or folder): whoever replaces it reads no other. The one with two rows is the operating system.
-const HOMES: [(&str, &str); 29] = [
+const HOMES: [(&str, &str); 30] = [
     ("flate2", "pipeline/rays/container"),
     ("ruzstd", "pipeline/rays/container/zstd"),
     ("obvhs", "pipeline/flux/bvh"),
@@ -68,6 +68,7 @@ const HOMES: [(&str, &str); 29] = [
     ("getrandom", "service/access/keys"),
     ("subtle", "service/access/keys"),
     ("governor", "service/access/rate"),
+    ("hashlink", "service/jobs/recent"),
     ("hmac", "service/webhooks/signature"),
     ("reqwest", "service/outbound"),
     ("prometheus_client", "service/metrics"),

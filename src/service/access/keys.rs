@@ -4,8 +4,11 @@
 use super::super::hex::hex;
 use super::super::storage::Error;
 use super::super::storage::records::{Records, Row, Transaction, sql};
+use super::super::storage::together::Together;
 use super::{Access, Scope};
+use futures::FutureExt;
 use sha2::{Digest, Sha256};
+use std::collections::HashMap;
 use subtle::ConstantTimeEq;
 
 /// What every key begins with, so that scanners of leaked secrets can find it.
@@ -145,26 +148,58 @@ pub async fn revoke(records: &Records, id: &str) -> Result<bool, Error> {
     Ok(records.write(revoke.bind(id)).await? > 0)
 }
 
-/// What the bearer of `token` may do. Asks the database every time: a key that is revoked is revoked with the next request.
-///
-/// # Errors
-/// The database did not answer. Within: why the key opens nothing.
-pub async fn open(records: &Records, token: &str) -> Result<Result<Access, Refusal>, Error> {
-    let Some((id, secret)) = split(token) else { return Ok(Err(Refusal::Malformed)) };
-    let select = sql("SELECT *, {now} AS now_ms FROM api_keys WHERE id = $1").bind(id);
-    let Some(row) = records.read_one(select).await? else { return Ok(Err(Refusal::Unknown)) };
-    let same = digest(secret).as_bytes().ct_eq(row.text("secret_sha256")?.as_bytes());
-    if !bool::from(same) {
-        return Ok(Err(Refusal::Unknown));
+/// A key as its row has it.
+#[derive(Clone)]
+struct Held {
+    key: Key,
+    secret_sha256: String,
+    /// The database's time when it was read, epoch ms.
+    now_ms: i64,
+}
+
+/// Looks keys up in the database, for every request anew: a key that was revoked, by whichever process, opens nothing from the next
+/// request on. Those who ask at the same time are answered with one statement. Cheap to clone.
+#[derive(Clone)]
+pub struct Keyring(Together<Held>);
+
+impl Keyring {
+    /// The keys in `records`.
+    pub fn new(records: Records) -> Keyring {
+        let read = move |ids: Vec<String>| {
+            let records = records.clone();
+            async move { held(&records, &ids).await }.boxed()
+        };
+        Keyring(Together::new(read))
     }
-    let (key, now_ms) = (key(&row)?, row.number("now_ms")?);
-    if key.revoked_ms.is_some() {
-        return Ok(Err(Refusal::Revoked));
+
+    /// What the bearer of `token` may do.
+    ///
+    /// # Errors
+    /// The database did not answer. Within: why the key opens nothing.
+    pub async fn open(&self, token: &str) -> Result<Result<Access, Refusal>, Error> {
+        let Some((id, secret)) = split(token) else { return Ok(Err(Refusal::Malformed)) };
+        let Some(Held { key, secret_sha256, now_ms }) = self.0.ask(id).await? else { return Ok(Err(Refusal::Unknown)) };
+        if !bool::from(digest(secret).as_bytes().ct_eq(secret_sha256.as_bytes())) {
+            return Ok(Err(Refusal::Unknown));
+        }
+        if key.revoked_ms.is_some() {
+            return Ok(Err(Refusal::Revoked));
+        }
+        if key.expires_ms.is_some_and(|end| end <= now_ms) {
+            return Ok(Err(Refusal::Expired));
+        }
+        Ok(Ok(Access { tenant: key.tenant, scopes: key.scopes, key: Some(key.id) }))
     }
-    if key.expires_ms.is_some_and(|end| end <= now_ms) {
-        return Ok(Err(Refusal::Expired));
-    }
-    Ok(Ok(Access { tenant: key.tenant, scopes: key.scopes, key: Some(key.id) }))
+}
+
+async fn held(records: &Records, ids: &[String]) -> Result<HashMap<String, Held>, Error> {
+    let list = serde_json::to_string(ids).map_err(|error| Error::Records(Box::new(error)))?;
+    let select = sql("SELECT *, {now} AS now_ms FROM api_keys WHERE id IN ({texts})").bind(list);
+    let held = |row: &Row| {
+        let (key, secret_sha256) = (key(row)?, row.text("secret_sha256")?);
+        Ok((key.id.clone(), Held { key, secret_sha256, now_ms: row.number("now_ms")? }))
+    };
+    records.read(select).await?.iter().map(held).collect()
 }
 
 /// Id and secret of a token that is written as ours are.
@@ -225,6 +260,10 @@ mod tests {
         ] {
             assert_eq!(split(&wrong), None, "{wrong}");
         }
+    }
+
+    async fn open(records: &Records, token: &str) -> Result<Result<Access, Refusal>, Error> {
+        Keyring::new(records.clone()).open(token).await
     }
 
     #[tokio::test(flavor = "multi_thread")]

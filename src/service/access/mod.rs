@@ -11,7 +11,7 @@ pub mod rate;
 
 use super::storage::Error;
 use super::storage::records::Records;
-use keys::Refusal;
+use keys::{Keyring, Refusal};
 use rate::RateLimit;
 use std::sync::Arc;
 
@@ -103,7 +103,7 @@ impl Access {
 /// What every request passes. Cheap to clone.
 #[derive(Clone)]
 pub struct Door {
-    records: Records,
+    keys: Keyring,
     /// Without keys everybody who reaches the service may do everything; the service then listens on loopback only.
     asks_for_keys: bool,
     rate: Arc<RateLimit>,
@@ -112,7 +112,7 @@ pub struct Door {
 impl Door {
     /// A door that knows the keys in `records`.
     pub fn new(records: Records, asks_for_keys: bool, rate: RateLimit) -> Door {
-        Door { records, asks_for_keys, rate: Arc::new(rate) }
+        Door { keys: Keyring::new(records), asks_for_keys, rate: Arc::new(rate) }
     }
 
     /// Whether a key is asked for.
@@ -128,7 +128,7 @@ impl Door {
         match token {
             _ if !self.asks_for_keys => Ok(Ok(Access::without_key())),
             None => Ok(Err(Refusal::Missing)),
-            Some(token) => keys::open(&self.records, token).await,
+            Some(token) => self.keys.open(token).await,
         }
     }
 

@@ -109,11 +109,10 @@ async fn admitted(
     counted: Counted,
     limit: &mut Option<Limit>,
 ) -> Result<Request, Problem> {
-    let Some(Api { door, origins, .. }) = request.extensions().get::<Api>().cloned() else {
-        return Err(Problem::internal());
-    };
+    let Some(api) = request.extensions().get::<Api>().cloned() else { return Err(Problem::internal()) };
+    let door = &api.door;
     if !door.asks_for_keys() {
-        from_this_machine(request.headers(), &origins)?;
+        from_this_machine(request.headers(), &api.origins)?;
     }
     let token = bearer(request.headers())?.map(str::to_owned);
     let access = door.open(token.as_deref()).await?.map_err(Problem::from)?;

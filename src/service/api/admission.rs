@@ -12,10 +12,12 @@ use axum::extract::{Query, Request};
 use axum::http::{Uri, header};
 use axum::middleware::{Next, from_fn};
 use axum::response::IntoResponse;
+use bytes::Bytes;
 use futures::StreamExt;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::Semaphore;
+use tokio::task::yield_now;
 use tokio::time::timeout;
 use tower::ServiceBuilder;
 use tower::limit::GlobalConcurrencyLimitLayer;
@@ -25,6 +27,10 @@ use utoipa_axum::router::OpenApiRouter;
 
 /// Longest time until a response begins; an upload's is bounded by its pace, not its length.
 const PATIENCE: Duration = Duration::from_secs(30);
+
+/// After so many bytes of a body, other requests get their turn. A sender on a fast network is never waited for: what is done with
+/// its bytes would keep a thread, and all who wait for it, for as long as the system has more of them.
+const TURN_BYTES: usize = 128 << 10;
 
 /// At most as many requests to these routes together as there are `places`; one more is told to come back.
 pub fn admit(routes: OpenApiRouter<Api>, places: &Arc<Semaphore>) -> OpenApiRouter<Api> {
@@ -97,19 +103,30 @@ pub fn kept(routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
 }
 
 fn room(request: Request) -> Result<Request, Problem> {
-    let Some(Api { metrics, space, .. }) = request.extensions().get::<Api>().cloned() else {
-        return Err(Problem::internal());
-    };
+    let Some(api) = request.extensions().get::<Api>().cloned() else { return Err(Problem::internal()) };
     let announced = request.headers().get(header::CONTENT_LENGTH).and_then(|bytes| bytes.to_str().ok()?.parse().ok());
-    if !space.has_room_for(announced.unwrap_or(0)) {
+    if !api.space.has_room_for(announced.unwrap_or(0)) {
         return Err(Problem::low_space());
     }
-    let at_hand = metrics.upload();
+    let (at_hand, metrics) = (api.metrics.upload(), api.metrics.clone());
     Ok(request.map(|body| {
-        let counted = body.into_data_stream().inspect(move |piece| {
+        let mut since_turn = 0;
+        let counted = body.into_data_stream().then(move |piece| {
             // The upload is at hand as long as its body is.
             let _at_hand = &at_hand;
-            metrics.upload_bytes(piece.as_ref().map_or(0, |bytes| bytes.len() as u64));
+            let count = piece.as_ref().map_or(0, |bytes: &Bytes| bytes.len());
+            metrics.upload_bytes(count as u64);
+            since_turn += count;
+            let is_over = since_turn >= TURN_BYTES;
+            if is_over {
+                since_turn = 0;
+            }
+            async move {
+                if is_over {
+                    yield_now().await;
+                }
+                piece
+            }
         });
         Body::from_stream(counted)
     }))

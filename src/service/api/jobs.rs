@@ -3,10 +3,11 @@
 use super::super::access::Access;
 use super::super::jobs::channels::{Channel, TotalFlux};
 use super::super::jobs::options::JobOptions;
+use super::super::jobs::recent::Known;
 use super::super::jobs::{Failure, Priority, State as JobState, StoredNotice, query};
 use super::super::metadata::Metadata;
 use super::Api;
-use super::addresses::link;
+use super::addresses::{link, prefix};
 use super::artifacts::href;
 use super::events::{self, Waiting};
 use super::extract::{Page, Path, Query, cut};
@@ -16,6 +17,7 @@ use axum::Json;
 use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use bytes::Bytes;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use utoipa::ToSchema;
@@ -307,14 +309,24 @@ pub async fn get(
     access: Access,
     Path(id): Path<String>,
     Query(waiting): Query<Waiting>,
-) -> Result<Json<Job>, Problem> {
+) -> Result<Response, Problem> {
     let wait = waiting.longest()?;
-    let job = find(&api, &access, &id).await?;
-    if wait.is_zero() || job.state.ended() {
-        return Ok(Json(job.into()));
+    let known = api.queue.recent().get(&access.tenant, &id).await?.ok_or_else(|| Problem::no_job(&id))?;
+    if wait.is_zero() || known.job.state.ended() {
+        return answer(&known);
     }
-    events::changed(&api, &access, &job, wait).await?;
-    Ok(Json(find(&api, &access, &id).await?.into()))
+    events::changed(&api, &access, &known.job, wait).await?;
+    answer(&Known::new(find(&api, &access, &id).await?))
+}
+
+/// The job as it is answered; written once for all who ask while it stays as it is.
+fn answer(known: &Known) -> Result<Response, Problem> {
+    let body = known.answer(prefix().as_str(), |job| serde_json::to_vec(&Job::from(job.clone())).map(Bytes::from));
+    let body = body.map_err(|error| {
+        tracing::error!(%error, "a job cannot be written");
+        Problem::internal()
+    })?;
+    Ok(([(header::CONTENT_TYPE, "application/json")], body).into_response())
 }
 
 /// Cancels a job

@@ -70,6 +70,7 @@ use axum::routing::get;
 use axum::{Extension, Router, middleware};
 use problem::Problem;
 use std::any::Any;
+use std::ops::Deref;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::Semaphore;
@@ -97,9 +98,27 @@ const READS: usize = 256;
 /// How long a browser may remember what a page of another origin may do.
 const CORS_MEMORY: Duration = Duration::from_mins(10);
 
-/// What handlers work with. Cheap to clone.
+/// What handlers work with. Cheap to clone: every request has several of these.
 #[derive(Clone)]
-pub struct Api {
+pub struct Api(Arc<Services>);
+
+impl Api {
+    /// The face of these.
+    pub fn new(services: Services) -> Api {
+        Api(Arc::new(services))
+    }
+}
+
+impl Deref for Api {
+    type Target = Services;
+
+    fn deref(&self) -> &Services {
+        &self.0
+    }
+}
+
+/// All that handlers work with.
+pub struct Services {
     /// Rows and blobs.
     pub storage: Storage,
     /// Jobs.

@@ -124,12 +124,14 @@ impl Queue {
             transaction.rollback().await?;
             return Ok(Tried::Full);
         };
+        let id = row.text("id")?;
+        let change = self.change(&tenant, &id);
         transaction.commit().await?;
+        drop(change);
         crash::point("claim.committed");
-        self.told(1);
         let timeout_ms = row.optional_number("timeout_ms")?.map(|ms| Duration::from_millis(ms.max(0).unsigned_abs()));
         Ok(Tried::Taken(Claim {
-            id: row.text("id")?,
+            id,
             tenant,
             fence: row.number("fence")?,
             attempt: row.number("attempt")?,

@@ -10,6 +10,8 @@ pub mod query;
 pub mod prospect;
 /// Memory for what one process computes.
 pub mod memory;
+/// Jobs that clients asked for lately, kept in memory.
+pub mod recent;
 /// Every change of a job's state.
 pub mod queue;
 /// How a job comes into the queue.

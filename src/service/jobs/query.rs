@@ -73,6 +73,30 @@ pub struct Standing {
     pub queue_position: Option<u64>,
 }
 
+/// All of a job that can change after it was queued: where two stamps are equal, the job is the same.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stamp {
+    /// How far it is.
+    pub standing: Standing,
+    /// Somebody asked to cancel it.
+    pub cancel_requested: bool,
+    /// Before which of its tenant's other jobs it comes.
+    pub priority: Priority,
+    /// Longest attempt that the client asked for, s.
+    pub timeout_s: Option<u32>,
+    /// When it was last begun, epoch ms.
+    pub started_ms: Option<i64>,
+    /// When it ended, epoch ms.
+    pub finished_ms: Option<i64>,
+}
+
+impl From<&Job> for Stamp {
+    fn from(job: &Job) -> Stamp {
+        let Job { cancel_requested, priority, timeout_s, started_ms, finished_ms, .. } = *job;
+        Stamp { standing: Standing::from(job), cancel_requested, priority, timeout_s, started_ms, finished_ms }
+    }
+}
+
 impl From<&Job> for Standing {
     fn from(job: &Job) -> Standing {
         let Job { state, attempt, stage, stage_progress, queue_position, .. } = *job;
@@ -238,22 +262,34 @@ pub async fn seconds_per_ray(records: &Records) -> Result<Option<f64>, Error> {
     Ok(each.get(each.len() / 2).copied())
 }
 
-/// How far the jobs called `ids` are, those that are there: one statement, however many are asked for. The order of waiting jobs is
-/// that of [`get`].
+/// What can change of the jobs called `ids`, those that are there: one statement, however many are asked for. The order of waiting
+/// jobs is that of [`get`].
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn standings(records: &Records, ids: &[String]) -> Result<HashMap<String, Standing>, Error> {
-    let select = "SELECT jobs.id, state, attempt, stage, stage_progress, waiting.position FROM jobs LEFT JOIN \
+pub async fn stamps(records: &Records, ids: &[String]) -> Result<HashMap<String, Stamp>, Error> {
+    let select = "SELECT jobs.id, state, attempt, stage, stage_progress, cancel_requested, priority, timeout_ms, started_ms, \
+                  finished_ms, waiting.position FROM jobs LEFT JOIN \
                   (SELECT id, ROW_NUMBER() OVER (PARTITION BY tenant ORDER BY priority, id) AS position \
                    FROM jobs WHERE state = 'queued') waiting \
                   ON waiting.id = jobs.id WHERE jobs.id IN ({texts of $1 texts})";
     let list = serde_json::to_string(ids).map_err(Error::fault)?;
-    let mut standings = HashMap::new();
+    let mut stamps = HashMap::new();
     for row in records.read(sql(select).bind(list)).await? {
-        standings.insert(row.text("id")?, standing(&row)?);
+        stamps.insert(row.text("id")?, stamp(&row)?);
     }
-    Ok(standings)
+    Ok(stamps)
+}
+
+fn stamp(row: &Row) -> Result<Stamp, Error> {
+    Ok(Stamp {
+        standing: standing(row)?,
+        cancel_requested: row.number("cancel_requested")? != 0,
+        priority: Priority::from_number(row.number("priority")?).unwrap_or_default(),
+        timeout_s: row.optional_number("timeout_ms")?.and_then(|ms| u32::try_from(ms / 1000).ok()),
+        started_ms: row.optional_number("started_ms")?,
+        finished_ms: row.optional_number("finished_ms")?,
+    })
 }
 
 fn standing(row: &Row) -> Result<Standing, Error> {
@@ -313,7 +349,8 @@ pub async fn artifact_named(records: &Records, id: &str, name: &str) -> Result<O
 
 async fn job(records: &Records, row: &Row) -> Result<Job, Error> {
     let id = row.text("id")?;
-    let Standing { state, attempt, stage, stage_progress, queue_position } = standing(row)?;
+    let Stamp { standing, cancel_requested, priority, timeout_s, started_ms, finished_ms } = stamp(row)?;
+    let Standing { state, attempt, stage, stage_progress, queue_position } = standing;
     let failure = row.optional_text("failure")?;
     Ok(Job {
         channels: channels(records, &id).await?,
@@ -322,19 +359,19 @@ async fn job(records: &Records, row: &Row) -> Result<Job, Error> {
         state,
         options: stored(&row.text("options")?)?,
         attempt,
-        cancel_requested: row.number("cancel_requested")? != 0,
+        cancel_requested,
         stage,
         stage_progress,
-        priority: Priority::from_number(row.number("priority")?).unwrap_or_default(),
-        timeout_s: row.optional_number("timeout_ms")?.and_then(|ms| u32::try_from(ms / 1000).ok()),
+        priority,
+        timeout_s,
         metadata: metadata::read(&row.text("metadata")?)?,
         memory_bytes: row.count("memory_bytes")?,
         queue_position,
         failure: failure.as_deref().map(stored).transpose()?,
         notices: stored(&row.text("notices")?)?,
         created_ms: row.number("created_ms")?,
-        started_ms: row.optional_number("started_ms")?,
-        finished_ms: row.optional_number("finished_ms")?,
+        started_ms,
+        finished_ms,
     })
 }
 

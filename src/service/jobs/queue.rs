@@ -12,6 +12,7 @@ use super::channels::NewJob;
 use super::memory::{Held, Memory, TooLarge};
 use super::prospect::{Prospect, prospect};
 use super::query::{self, StoredArtifact};
+use super::recent::Recent;
 use super::{Failure, State, StoredNotice};
 use crate::pipeline;
 use sha2::{Digest, Sha256};
@@ -110,7 +111,27 @@ pub struct Queue {
     pub(super) threads: usize,
     pub(super) metrics: Metrics,
     pub(super) wake: Arc<Notify>,
+    recent: Recent,
     changes: watch::Sender<()>,
+}
+
+/// A change of one job that this process is about to make. Dropped, done or not: the job is read anew by whoever asks for it, and
+/// those who wait for it are told. It is made before the statement, so that a client who goes away meanwhile leaves nothing stale.
+pub(super) struct Change<'a> {
+    queue: &'a Queue,
+    tenant: &'a str,
+    id: &'a str,
+    moves_line: bool,
+}
+
+impl Drop for Change<'_> {
+    fn drop(&mut self) {
+        self.queue.recent.forget(self.tenant, self.id);
+        if self.moves_line {
+            self.queue.recent.forget_line(self.tenant);
+        }
+        self.queue.changes.send_replace(());
+    }
 }
 
 impl Queue {
@@ -119,7 +140,9 @@ impl Queue {
         let process = new_id();
         let owner = format!("{process}.0");
         let metrics = Metrics::new();
+        let recent = Recent::new(storage.records.clone(), false, Duration::ZERO);
         Queue {
+            recent,
             storage,
             process,
             owner,
@@ -146,6 +169,17 @@ impl Queue {
     #[must_use]
     pub fn within(self, memory: Memory, threads: usize, longest: Duration) -> Queue {
         Queue { memory, threads, longest, ..self }
+    }
+
+    /// The same queue, whose changes are known to `recent`.
+    #[must_use]
+    pub fn remembered(self, recent: Recent) -> Queue {
+        Queue { recent, ..self }
+    }
+
+    /// Jobs that were asked for lately.
+    pub fn recent(&self) -> &Recent {
+        &self.recent
     }
 
     /// What a job of `tenant` will be.
@@ -187,12 +221,18 @@ impl Queue {
         self.changes.subscribe()
     }
 
-    /// `changed` rows, told to whoever waits for them.
-    pub(super) fn told(&self, changed: u64) -> bool {
-        if changed > 0 {
+    /// The job `id` of `tenant` is about to change.
+    pub(super) fn change<'a>(&'a self, tenant: &'a str, id: &'a str) -> Change<'a> {
+        Change { queue: self, tenant, id, moves_line: true }
+    }
+
+    /// This process has changed so many jobs, whose names it does not know.
+    pub(super) fn changed_some(&self, count: u64) -> bool {
+        if count > 0 {
+            self.recent.forget_all();
             self.changes.send_replace(());
         }
-        changed > 0
+        count > 0
     }
 
     /// Renews the lease, tells of progress, hears of a cancellation.
@@ -203,10 +243,11 @@ impl Queue {
         let beat = "UPDATE jobs SET lease_until_ms = {now} + $1, stage = $2, stage_progress = $3 \
                     WHERE id = $4 AND fence = $5 AND state = 'running' RETURNING cancel_requested";
         let beat = sql(beat).bind(self.lease_ms).bind(stage).bind(progress);
+        // Nobody's place in the line is another for it.
+        let _change = Change { queue: self, tenant: &claim.tenant, id: &claim.id, moves_line: false };
         let mut transaction = self.storage.records.begin().await?;
         let rows = transaction.read(beat.bind(claim.id.as_str()).bind(claim.fence)).await?;
         transaction.commit().await?;
-        self.told(rows.len() as u64);
         match rows.first() {
             None => Ok(Beat::Lost),
             Some(row) if row.number("cancel_requested")? != 0 => Ok(Beat::Cancel),
@@ -225,6 +266,7 @@ impl Queue {
         artifacts: &[StoredArtifact],
         notices: &[StoredNotice],
     ) -> Result<bool, storage::Error> {
+        let _change = self.change(&claim.tenant, &claim.id);
         let mut transaction = self.storage.records.begin().await?;
         let finish = "UPDATE jobs SET state = 'succeeded', notices = $1, stage = 'artifacts', stage_progress = 1, \
                       lease_owner = NULL, lease_until_ms = NULL, finished_ms = {now} \
@@ -244,7 +286,7 @@ impl Queue {
         crash::point("finish.before_commit");
         transaction.commit().await?;
         crash::point("finish.committed");
-        Ok(self.told(1))
+        Ok(true)
     }
 
     /// True when this very claim was finished by a call whose answer was lost.
@@ -262,7 +304,8 @@ impl Queue {
         let fail = "UPDATE jobs SET state = 'failed', failure = $1, lease_owner = NULL, lease_until_ms = NULL, \
                     finished_ms = {now} WHERE id = $2 AND fence = $3 AND state = 'running'";
         let fail = sql(fail).bind(json(failure)?).bind(claim.id.as_str()).bind(claim.fence);
-        Ok(self.told(self.storage.records.write(fail).await?))
+        let _change = self.change(&claim.tenant, &claim.id);
+        Ok(self.storage.records.write(fail).await? > 0)
     }
 
     /// Puts a running job back for a later attempt: a store did not answer, the job is not at fault. Nobody takes it before
@@ -278,7 +321,8 @@ impl Queue {
                      WHERE id = $2 AND fence = $3 AND state = 'running' \
                      AND (attempt < max_attempts OR cancel_requested = 1)";
         let retry = sql(retry).bind(back_off_ms(self.lease_ms, claim)).bind(claim.id.as_str()).bind(claim.fence);
-        Ok(self.told(self.storage.records.write(retry).await?))
+        let _change = self.change(&claim.tenant, &claim.id);
+        Ok(self.storage.records.write(retry).await? > 0)
     }
 
     /// Ends a running job that a client asked to cancel.
@@ -288,7 +332,8 @@ impl Queue {
     pub async fn stop(&self, claim: &Claim) -> Result<bool, storage::Error> {
         let stop = "UPDATE jobs SET state = 'cancelled', lease_owner = NULL, lease_until_ms = NULL, \
                     finished_ms = {now} WHERE id = $1 AND fence = $2 AND state = 'running' AND cancel_requested = 1";
-        Ok(self.told(self.storage.records.write(sql(stop).bind(claim.id.as_str()).bind(claim.fence)).await?))
+        let _change = self.change(&claim.tenant, &claim.id);
+        Ok(self.storage.records.write(sql(stop).bind(claim.id.as_str()).bind(claim.fence)).await? > 0)
     }
 
     /// Gives a running job back untried: this process stops, the job is not at fault.
@@ -300,7 +345,8 @@ impl Queue {
                        finished_ms = CASE WHEN cancel_requested = 1 THEN {now} END, attempt = attempt - 1, \
                        lease_owner = NULL, lease_until_ms = NULL, stage = NULL, stage_progress = 0 \
                        WHERE id = $1 AND fence = $2 AND state = 'running'";
-        Ok(self.told(self.storage.records.write(sql(release).bind(claim.id.as_str()).bind(claim.fence)).await?))
+        let _change = self.change(&claim.tenant, &claim.id);
+        Ok(self.storage.records.write(sql(release).bind(claim.id.as_str()).bind(claim.fence)).await? > 0)
     }
 
     /// Asks to cancel: a queued job ends at once, a running one at its worker's next beat.
@@ -313,7 +359,8 @@ impl Queue {
                       lease_until_ms = CASE state WHEN 'queued' THEN NULL ELSE lease_until_ms END, \
                       state = CASE state WHEN 'queued' THEN 'cancelled' ELSE state END \
                       WHERE tenant = $1 AND id = $2 AND state IN ('queued', 'running')";
-        if self.told(self.storage.records.write(sql(cancel).bind(tenant).bind(id)).await?) {
+        let _change = self.change(tenant, id);
+        if self.storage.records.write(sql(cancel).bind(tenant).bind(id)).await? > 0 {
             return Ok(());
         }
         Err(self.refusal(tenant, id).await?)
@@ -334,11 +381,13 @@ impl Queue {
     pub async fn delete_unused(&self, tenant: &str, id: &str, age: Duration) -> Result<(), Error> {
         let delete = "DELETE FROM jobs WHERE tenant = $1 AND id = $2 AND state IN ('succeeded', 'failed', 'cancelled') \
                       AND ($3 = 0 OR COALESCE(used_ms, 0) <= {now} - $3)";
+        let change = self.change(tenant, id);
         let mut transaction = self.storage.records.begin().await?;
         announcement::announce_one(&mut transaction, tenant, id).await?;
         let deleted = transaction.write(sql(delete).bind(tenant).bind(id).bind(ms(age))).await?;
         transaction.commit().await?;
-        if !self.told(deleted) {
+        drop(change);
+        if deleted == 0 {
             return Err(self.refusal(tenant, id).await?);
         }
         Ok(self.storage.blobs.delete_all(&job_folder(id)).await?)

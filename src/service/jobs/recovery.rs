@@ -28,7 +28,7 @@ impl Queue {
         );
         let failure = json(&Failure::too_large(self.memory.limit_bytes()))?;
         let failed = self.storage.records.write(self.machine(sql(give_up).bind(failure))).await?;
-        if self.told(failed) {
+        if self.changed_some(failed) {
             tracing::warn!(jobs = failed, "failed jobs that need more memory than there is");
         }
         Ok(())
@@ -47,7 +47,7 @@ impl Queue {
                      OR (lease_until_ms < {now} AND lease_owner NOT LIKE $3)) {skip_locked})";
         let sweep = sql(sweep).bind(json(&Failure::worker_lost(self.max_attempts))?).bind(self.owner.as_str());
         let swept = self.storage.records.write(sweep.bind(format!("{}.%", self.process))).await?;
-        if self.told(swept) {
+        if self.changed_some(swept) {
             self.metrics.leases_lost(swept);
             tracing::warn!(jobs = swept, "took back jobs of lost workers");
         }

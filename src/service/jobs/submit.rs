@@ -119,9 +119,10 @@ impl Queue {
             }
         };
         crash::point("submit.before_commit");
+        let change = self.change(tenant, &queued.id);
         transaction.commit().await?;
+        drop(change);
         crash::point("submit.committed");
-        self.told(1);
         self.wake.notify_one();
         Ok(queued)
     }

@@ -2,12 +2,13 @@
 
 use super::super::storage::records::Records;
 use super::query::{self, Standing};
+use super::recent::Recent;
 use super::shares::{Share, Shares};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::{Notify, watch};
-use tokio::time::sleep;
+use tokio::time::{Instant, sleep};
 
 /// Least time between two looks: what changes together is told together.
 const GAP: Duration = Duration::from_millis(50);
@@ -57,13 +58,11 @@ impl Watcher {
         Some(Watching { id: id.to_owned(), known, since, news, shared: Arc::clone(&self.0), _place: place })
     }
 
-    /// Looks as long as anybody waits: when this process `changes` a job, and every `poll` for what others changed.
-    pub async fn keep_up(self, records: Records, mut changes: watch::Receiver<()>, poll: Duration) {
+    /// Looks at the jobs that somebody waits for: when this process `changes` a job, and every `poll` for what others changed; with
+    /// the latter at the `recent` ones too. Without either the database is left alone.
+    pub async fn keep_up(self, records: Records, recent: Recent, mut changes: watch::Receiver<()>, poll: Duration) {
         loop {
-            if self.0.watched().jobs.is_empty() {
-                self.0.begun.notified().await;
-            }
-            self.look(&records).await;
+            self.look(&records, &recent).await;
             sleep(GAP).await;
             tokio::select! {
                 _ = changes.changed() => {}
@@ -73,25 +72,34 @@ impl Watcher {
         }
     }
 
-    async fn look(&self, records: &Records) {
-        let (look, ids) = {
+    async fn look(&self, records: &Records, recent: &Recent) {
+        let (look, mut ids) = {
             let mut watched = self.0.watched();
             watched.looks += 1;
             (watched.looks, watched.jobs.keys().cloned().collect::<Vec<_>>())
         };
-        let mut standings = match query::standings(records, &ids).await {
-            Ok(standings) => standings,
+        ids.extend(recent.due());
+        ids.sort();
+        ids.dedup();
+        if ids.is_empty() {
+            return;
+        }
+        let begun = Instant::now();
+        let mut stamps = match query::stamps(records, &ids).await {
+            Ok(stamps) => stamps,
             Err(error) => {
                 tracing::warn!(%error, "cannot see how watched jobs are; looking again");
                 return;
             }
         };
+        // Before anybody is told: who is told of a change and asks at once must not be answered with what was before it.
+        recent.compare(begun, &ids, &stamps);
         let mut watched = self.0.watched();
         // Of two who leave together, each may have seen the other's receiver.
         watched.jobs.retain(|_, told| told.receiver_count() > 0);
         for id in ids {
             if let Some(told) = watched.jobs.get(&id) {
-                told.send_replace(News { look, standing: standings.remove(&id) });
+                told.send_replace(News { look, standing: stamps.remove(&id).map(|stamp| stamp.standing) });
             }
         }
     }

@@ -6,6 +6,8 @@ pub mod private;
 pub mod database_file;
 /// The database.
 pub mod records;
+/// One statement for everybody who asks at the same time.
+pub mod together;
 /// The object store.
 pub mod blobs;
 /// A ray set's parts as one file.

@@ -206,6 +206,49 @@ mod tests {
         assert_eq!(past.kind(), io::ErrorKind::UnexpectedEof);
         assert_eq!(parts.read_at(u64::MAX, &mut [0; 1]).unwrap_err().kind(), io::ErrorKind::UnexpectedEof);
     }
+
+    /// The `nice` values of this process's threads called `name`: field 19 of proc(5), counted after the name.
+    #[cfg(target_os = "linux")]
+    fn nice_of(name: &str) -> Vec<i32> {
+        let lines = std::fs::read_dir("/proc/self/task").unwrap().filter_map(|task| {
+            // A thread may end while it is looked at.
+            std::fs::read_to_string(task.unwrap().path().join("stat")).ok()
+        });
+        let named = lines.filter(|line| line.contains(&format!("({name})")));
+        named
+            .map(|line| line.rsplit_once(')').unwrap().1.split_whitespace().nth(16).unwrap().parse().unwrap())
+            .collect()
+    }
+
+    #[cfg(target_os = "linux")]
+    #[tokio::test]
+    async fn reading_for_a_thread_of_lower_priority_lowers_no_thread_of_the_runtime() {
+        use crate::service::priority::compute;
+        let folder = tempfile::tempdir().unwrap();
+        let blobs = Blobs::open(&format!("file:{}", folder.path().display())).unwrap();
+        blobs.put("ray-sets/x/0", vec![7; 100].into()).await.unwrap();
+        let parts = || vec![Part { blob: "ray-sets/x/0".into(), byte_count: 100 }];
+        // Each runtime has no blocking thread yet: the first read of the store starts one.
+        let runtime = |name: &str| {
+            tokio::runtime::Builder::new_multi_thread()
+                .worker_threads(1)
+                .enable_all()
+                .thread_name(name)
+                .build()
+                .unwrap()
+        };
+        let (right, wrong) = (runtime("reads-aside"), runtime("reads-itself"));
+        let read = Parts::new(blobs.clone(), parts(), right.handle().clone());
+        compute("computes", move || read.read_at(0, &mut [0; 100])).await.unwrap().unwrap();
+        let (handle, blobs) = (wrong.handle().clone(), blobs.clone());
+        compute("computes", move || handle.block_on(blobs.read("ray-sets/x/0", 0..100))).await.unwrap().unwrap();
+        let (right_nice, wrong_nice) = (nice_of("reads-aside"), nice_of("reads-itself"));
+        assert!(right_nice.len() > 1 && right_nice.iter().all(|nice| *nice <= 0), "{right_nice:?}");
+        assert!(wrong_nice.iter().any(|nice| *nice > 0), "asked without a task, it would be lowered: {wrong_nice:?}");
+        right.shutdown_background();
+        wrong.shutdown_background();
+    }
+
     #[test]
     fn many_threads_read_what_was_written_block_by_block() {
         let folder = tempfile::tempdir().unwrap();

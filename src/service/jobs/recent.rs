@@ -1,0 +1,378 @@
+//! Jobs that clients asked for lately, as they were read: who polls is answered from memory. What this process changes is forgotten
+//! with the change. What others change: on engines of our own, where nobody else has a right to, it is looked for once per poll; on
+//! shared engines every answer is compared with the database first, all of those who ask at once with one statement.
+
+use super::super::storage::Error;
+use super::super::storage::records::Records;
+use super::super::storage::together::Together;
+use super::query::{self, Job, Stamp};
+use bytes::Bytes;
+use futures::FutureExt;
+use hashlink::LruCache;
+use std::collections::{HashMap, HashSet};
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::Duration;
+use tokio::sync::Mutex as Turn;
+use tokio::time::{Instant, timeout};
+
+/// Most jobs kept: about 10 MB of ordinary ones.
+const JOBS: usize = 2048;
+/// Most channels and notices of a job that is kept; one with more is read whenever somebody asks for it.
+const LINES: usize = 24;
+/// Length of an identifier of ours, characters; nothing else is remembered.
+const ID_CHARS: usize = 36;
+/// Reads at once of different jobs; those of one job take turns.
+const TURNS: usize = 64;
+/// Longest wait for another's read of the same job.
+const LONGEST_TURN: Duration = Duration::from_millis(100);
+/// Nobody asked for so many polls: the job is forgotten.
+const IDLE_POLLS: u32 = 30;
+/// So many polls without a comparison, and a job is not believed any more: the database did not answer.
+const BELIEVED_POLLS: u32 = 3;
+
+/// A job as it was read, and the answer that was made of it.
+#[derive(Debug)]
+pub struct Known {
+    /// The job.
+    pub job: Job,
+    /// Made once, with the path that its links begin with.
+    answer: OnceLock<(String, Bytes)>,
+}
+
+impl Known {
+    /// A job that was just read.
+    pub fn new(job: Job) -> Known {
+        Known { job, answer: OnceLock::new() }
+    }
+
+    /// The answer that `write` makes of the job. The first is kept, for those whose links begin with the same path, `prefix`: they
+    /// ask through the same proxy, or through none.
+    ///
+    /// # Errors
+    /// That of `write`.
+    pub fn answer<E>(&self, prefix: &str, write: impl FnOnce(&Job) -> Result<Bytes, E>) -> Result<Bytes, E> {
+        match self.answer.get() {
+            Some((known, answer)) if known == prefix => Ok(answer.clone()),
+            Some(_) => write(&self.job),
+            None => {
+                let answer = write(&self.job)?;
+                // Another may have been faster; this one is as right.
+                let _ = self.answer.set((prefix.to_owned(), answer.clone()));
+                Ok(answer)
+            }
+        }
+    }
+}
+
+/// What a client's question found in memory.
+enum Found {
+    /// To be answered with.
+    True(Arc<Known>),
+    /// True when it was read; the database is to be asked whether it still is.
+    Perhaps(Arc<Known>),
+    Nothing,
+}
+
+/// The jobs that are remembered. Cheap to clone.
+#[derive(Clone)]
+pub struct Recent(Arc<Shared>);
+
+struct Shared {
+    kept: Mutex<Kept>,
+    turns: Vec<Turn<()>>,
+    records: Records,
+    /// Compares with the database before every answer, where other processes may change jobs.
+    stamps: Option<Together<Stamp>>,
+    poll: Duration,
+}
+
+/// By tenant and identifier: one tenant never finds another's.
+struct Kept {
+    jobs: LruCache<String, Entry>,
+    /// Reads that were begun.
+    reads: u64,
+    compared: Instant,
+}
+
+struct Entry {
+    tenant: String,
+    id: String,
+    /// `None` while it is read for the first time, by the read of this number.
+    known: Option<Arc<Known>>,
+    read: u64,
+    /// When it was last true.
+    seen: Instant,
+    asked: Instant,
+}
+
+impl Recent {
+    /// Nothing is remembered yet. `is_alone`: only this process changes jobs in `records`. `poll`: how often it is looked whether
+    /// that holds.
+    pub fn new(records: Records, is_alone: bool, poll: Duration) -> Recent {
+        let asked = records.clone();
+        let read = move |ids: Vec<String>| {
+            let records = asked.clone();
+            async move { query::stamps(&records, &ids).await }.boxed()
+        };
+        let kept = Kept { jobs: LruCache::new(JOBS), reads: 0, compared: Instant::now() };
+        Recent(Arc::new(Shared {
+            kept: Mutex::new(kept),
+            turns: (0..TURNS).map(|_| Turn::new(())).collect(),
+            records,
+            stamps: (!is_alone).then(|| Together::new(read)),
+            poll,
+        }))
+    }
+
+    /// The job `id` of `tenant`, if there is one: never older than what this process has changed before the call.
+    ///
+    /// # Errors
+    /// The database did not answer.
+    pub async fn get(&self, tenant: &str, id: &str) -> Result<Option<Arc<Known>>, Error> {
+        if id.len() != ID_CHARS {
+            return Ok(self.read(tenant, id).await?.map(Arc::new));
+        }
+        let key = key(tenant, id);
+        if let Some(known) = self.remembered(&key, id).await? {
+            return Ok(Some(known));
+        }
+        // Many who ask for a job that has just changed need one read, not one each. A read that takes long, of a database that is away,
+        // holds up nobody else: each of them is told so in its own time.
+        let _turn = timeout(LONGEST_TURN, self.0.turn(&key).lock()).await;
+        if let Some(known) = self.remembered(&key, id).await? {
+            return Ok(Some(known));
+        }
+        let (number, begun) = (self.0.kept().begin(&key, tenant, id), Instant::now());
+        let read = self.read(tenant, id).await.map(|known| known.map(Arc::new));
+        self.0.kept().end(&key, number, begun, read.as_ref().ok().and_then(Option::as_ref));
+        read
+    }
+
+    async fn read(&self, tenant: &str, id: &str) -> Result<Option<Known>, Error> {
+        Ok(query::get(&self.0.records, tenant, id).await?.map(Known::new))
+    }
+
+    /// What is kept, if that is true now.
+    async fn remembered(&self, key: &str, id: &str) -> Result<Option<Arc<Known>>, Error> {
+        let known = match self.0.find(key) {
+            Found::True(known) => return Ok(Some(known)),
+            Found::Nothing => return Ok(None),
+            Found::Perhaps(known) => known,
+        };
+        let Some(stamps) = &self.0.stamps else { return Ok(None) };
+        if stamps.ask(id).await?.is_some_and(|stamp| stamp == Stamp::from(&known.job)) {
+            return Ok(Some(known));
+        }
+        self.0.kept().forget_this(key, &known);
+        Ok(None)
+    }
+
+    /// This process has changed the job `id` of `tenant`, or may have.
+    pub fn forget(&self, tenant: &str, id: &str) {
+        self.0.kept().jobs.remove(&key(tenant, id));
+    }
+
+    /// This process has changed which jobs of `tenant` wait, or their order: the places of the others are not what they were.
+    pub fn forget_line(&self, tenant: &str) {
+        let waits = |entry: &Entry| entry.known.as_ref().is_none_or(|known| known.job.queue_position.is_some());
+        self.0.kept().jobs.retain(|_, entry| entry.tenant != tenant || !waits(entry));
+    }
+
+    /// This process has changed jobs whose names it does not know.
+    pub fn forget_all(&self) {
+        self.0.kept().jobs.clear();
+    }
+
+    /// The jobs to compare with the database now: once per poll, those that clients ask for; the others are forgotten.
+    pub(super) fn due(&self) -> Vec<String> {
+        let mut kept = self.0.kept();
+        if self.0.stamps.is_some() || kept.jobs.is_empty() || kept.compared.elapsed() < self.0.poll {
+            return Vec::new();
+        }
+        kept.compared = Instant::now();
+        let idle = self.0.poll.saturating_mul(IDLE_POLLS);
+        kept.jobs.retain(|_, entry| entry.asked.elapsed() < idle);
+        kept.jobs.iter().filter(|(_, entry)| entry.known.is_some()).map(|(_, entry)| entry.id.clone()).collect()
+    }
+
+    /// Forgets what is not as the database had it when it was read: `stamps` of the jobs called `ids`, asked for at `begun` or
+    /// later.
+    pub(super) fn compare(&self, begun: Instant, ids: &[String], stamps: &HashMap<String, Stamp>) {
+        let asked: HashSet<&str> = ids.iter().map(String::as_str).collect();
+        self.0.kept().jobs.retain(|_, entry| {
+            let Some(known) = entry.known.as_ref().filter(|_| asked.contains(entry.id.as_str())) else { return true };
+            // What was read after this look began may be newer; it is read once more.
+            let is_true = stamps.get(&entry.id).is_some_and(|stamp| *stamp == Stamp::from(&known.job));
+            entry.seen = entry.seen.max(begun);
+            is_true
+        });
+    }
+}
+
+impl Shared {
+    fn kept(&self) -> MutexGuard<'_, Kept> {
+        // Nothing is left half done in there.
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn turn(&self, key: &str) -> &Turn<()> {
+        let mut hasher = DefaultHasher::new();
+        key.hash(&mut hasher);
+        // As many as are there; never none.
+        &self.turns[hasher.finish() as usize % self.turns.len()]
+    }
+
+    fn find(&self, key: &str) -> Found {
+        let mut kept = self.kept();
+        let Some(entry) = kept.jobs.get_mut(key) else { return Found::Nothing };
+        entry.asked = Instant::now();
+        match &entry.known {
+            None => Found::Nothing,
+            Some(known) if self.stamps.is_some() => Found::Perhaps(Arc::clone(known)),
+            Some(known) if entry.seen.elapsed() <= self.poll.saturating_mul(BELIEVED_POLLS) => {
+                Found::True(Arc::clone(known))
+            }
+            Some(_) => Found::Nothing,
+        }
+    }
+}
+
+impl Kept {
+    /// A read begins: a change from now on makes what it finds useless to others.
+    fn begin(&mut self, key: &str, tenant: &str, id: &str) -> u64 {
+        self.reads += 1;
+        let (now, read) = (Instant::now(), self.reads);
+        let entry = Entry { tenant: tenant.to_owned(), id: id.to_owned(), known: None, read, seen: now, asked: now };
+        self.jobs.insert(key.to_owned(), entry);
+        read
+    }
+
+    /// Keeps what the read of this number found, unless something has changed since it began.
+    fn end(&mut self, key: &str, number: u64, begun: Instant, found: Option<&Arc<Known>>) {
+        let Some(entry) = self.jobs.peek_mut(key).filter(|entry| entry.read == number) else { return };
+        match found {
+            Some(known) if known.job.channels.len() + known.job.notices.len() <= LINES => {
+                (entry.known, entry.seen) = (Some(Arc::clone(known)), begun);
+            }
+            _ => drop(self.jobs.remove(key)),
+        }
+    }
+
+    /// Forgets `known`, not what may have been read since.
+    fn forget_this(&mut self, key: &str, known: &Arc<Known>) {
+        let same = |entry: &Entry| entry.known.as_ref().is_some_and(|kept| Arc::ptr_eq(kept, known));
+        if self.jobs.peek(key).is_some_and(same) {
+            self.jobs.remove(key);
+        }
+    }
+}
+
+/// Tenants' names have no space.
+fn key(tenant: &str, id: &str) -> String {
+    format!("{tenant} {id}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::options::JobOptions;
+    use super::super::{Priority, State};
+    use super::*;
+
+    fn known(state: State) -> Arc<Known> {
+        let queue_position = (state == State::Queued).then_some(1);
+        Arc::new(Known::new(Job {
+            id: "j".into(),
+            state,
+            channels: Vec::new(),
+            total: None,
+            options: JobOptions::default(),
+            attempt: 0,
+            cancel_requested: false,
+            stage: None,
+            stage_progress: 0.0,
+            priority: Priority::Normal,
+            timeout_s: None,
+            memory_bytes: 0,
+            queue_position,
+            failure: None,
+            notices: Vec::new(),
+            created_ms: 0,
+            started_ms: None,
+            finished_ms: None,
+        }))
+    }
+
+    /// What is remembered in a database of our own, which is never asked here.
+    async fn recent(folder: &tempfile::TempDir) -> Recent {
+        let url = format!("sqlite:{}?mode=rwc", folder.path().join("service.db").display());
+        Recent::new(Records::open(&url).await.unwrap(), true, Duration::from_secs(3600))
+    }
+
+    fn keep(recent: &Recent, tenant: &str, id: &str, state: State) {
+        let number = recent.0.kept().begin(&key(tenant, id), tenant, id);
+        recent.0.kept().end(&key(tenant, id), number, Instant::now(), Some(&known(state)));
+    }
+
+    fn is_kept(recent: &Recent, tenant: &str, id: &str) -> bool {
+        matches!(recent.0.find(&key(tenant, id)), Found::True(_))
+    }
+
+    #[tokio::test]
+    async fn a_change_forgets_what_it_changed_and_reads_that_began_before_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let recent = recent(&folder).await;
+        for (id, state) in [("ended", State::Succeeded), ("runs", State::Running), ("waits", State::Queued)] {
+            keep(&recent, "a", id, state);
+            keep(&recent, "b", id, state);
+        }
+        assert!(is_kept(&recent, "a", "runs") && !is_kept(&recent, "c", "runs"), "another tenant has no such job");
+        recent.forget("a", "ended");
+        assert!(!is_kept(&recent, "a", "ended") && is_kept(&recent, "b", "ended"));
+        recent.forget_line("a");
+        assert!(!is_kept(&recent, "a", "waits") && is_kept(&recent, "a", "runs") && is_kept(&recent, "b", "waits"));
+
+        let changes: [fn(&Recent); 3] =
+            [|recent| recent.forget("a", "j"), |recent| recent.forget_line("a"), |recent| recent.forget_all()];
+        for change in changes {
+            let number = recent.0.kept().begin("a j", "a", "j");
+            change(&recent);
+            recent.0.kept().end("a j", number, Instant::now(), Some(&known(State::Running)));
+            assert!(!is_kept(&recent, "a", "j"), "it may have been read before the change");
+        }
+        assert!(!is_kept(&recent, "b", "runs"), "all are forgotten");
+    }
+
+    #[tokio::test]
+    async fn a_look_forgets_what_others_changed_and_what_nobody_asks_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let recent = recent(&folder).await;
+        let stamp = |state| Stamp::from(&known(state).job);
+        for id in ["same", "other", "gone", "unasked"] {
+            keep(&recent, "a", id, State::Running);
+        }
+        let ids = ["same", "other", "gone"].map(str::to_owned);
+        let found = [("same".to_owned(), stamp(State::Running)), ("other".to_owned(), stamp(State::Succeeded))];
+        recent.compare(Instant::now(), &ids, &found.into_iter().collect());
+        let kept = ["same", "other", "gone", "unasked"].map(|id| is_kept(&recent, "a", id));
+        assert_eq!(kept, [true, false, false, true]);
+        assert!(recent.due().is_empty(), "not before a poll is over");
+    }
+
+    #[tokio::test]
+    async fn no_more_jobs_are_kept_than_there_are_places_nor_very_long_ones() {
+        let folder = tempfile::tempdir().unwrap();
+        let recent = recent(&folder).await;
+        for job in 0..JOBS + 100 {
+            keep(&recent, "a", &format!("{job}"), State::Succeeded);
+            assert!(is_kept(&recent, "a", "0"), "what is asked for stays");
+        }
+        assert!(recent.0.kept().jobs.len() <= JOBS && !is_kept(&recent, "a", "1"));
+        let notice = super::super::StoredNotice { code: "x".into(), count: 1, first_ray: None, message: "x".into() };
+        let mut long = Arc::into_inner(known(State::Succeeded)).unwrap().job;
+        long.notices = vec![notice; LINES + 1];
+        let number = recent.0.kept().begin("a long", "a", "long");
+        recent.0.kept().end("a long", number, Instant::now(), Some(&Arc::new(Known::new(long))));
+        assert!(!is_kept(&recent, "a", "long"));
+    }
+}

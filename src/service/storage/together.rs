@@ -1,0 +1,188 @@
+//! One statement for everybody who asks at the same time. Whoever asks while a read is under way is answered by the next one, so an
+//! answer is never older than its question, and the database is asked once however many clients wait.
+
+use super::Error;
+use futures::future::BoxFuture;
+use std::collections::{BTreeSet, HashMap};
+use std::mem;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use tokio::sync::oneshot;
+
+/// Reads what is known of some keys; what is not there is left out.
+type Read<V> = dyn Fn(Vec<String>) -> BoxFuture<'static, Result<HashMap<String, V>, Error>> + Send + Sync;
+/// Where an answer goes.
+type Asker<V> = oneshot::Sender<Result<Option<V>, Error>>;
+
+/// Reads that are done together. Cheap to clone.
+pub struct Together<V>(Arc<Shared<V>>);
+
+struct Shared<V> {
+    read: Box<Read<V>>,
+    waiting: Mutex<Waiting<V>>,
+}
+
+struct Waiting<V> {
+    /// A task answers, until nobody waits.
+    answering: bool,
+    askers: Vec<(String, Asker<V>)>,
+}
+
+impl<V> Clone for Together<V> {
+    fn clone(&self) -> Together<V> {
+        Together(Arc::clone(&self.0))
+    }
+}
+
+impl<V: Clone + Send + 'static> Together<V> {
+    /// Nobody waits yet; `read` is asked for several keys at once, each of them once.
+    pub fn new<R>(read: R) -> Together<V>
+    where
+        R: Fn(Vec<String>) -> BoxFuture<'static, Result<HashMap<String, V>, Error>> + Send + Sync + 'static,
+    {
+        let waiting = Mutex::new(Waiting { answering: false, askers: Vec::new() });
+        Together(Arc::new(Shared { read: Box::new(read), waiting }))
+    }
+
+    /// What is known of `key`, as of this moment or later; `None` when it is not there.
+    ///
+    /// # Errors
+    /// The database did not answer.
+    pub async fn ask(&self, key: &str) -> Result<Option<V>, Error> {
+        let (tell, told) = oneshot::channel();
+        if self.0.join(key.to_owned(), tell) {
+            // A task of its own: this client may go away, the others wait on.
+            tokio::spawn(answer(Answering { shared: Arc::clone(&self.0), is_done: false }));
+        }
+        told.await.unwrap_or_else(|_| Err(Error::Records("nobody answered".into())))
+    }
+}
+
+impl<V> Shared<V> {
+    /// Waits with the others; true when nobody answers them yet.
+    fn join(&self, key: String, tell: Asker<V>) -> bool {
+        let mut waiting = self.waiting();
+        waiting.askers.push((key, tell));
+        !mem::replace(&mut waiting.answering, true)
+    }
+
+    fn waiting(&self) -> MutexGuard<'_, Waiting<V>> {
+        // Nothing is left half done in there.
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The task that answers; when it is lost, those who wait are told so and the next asker begins another.
+struct Answering<V> {
+    shared: Arc<Shared<V>>,
+    is_done: bool,
+}
+
+impl<V> Drop for Answering<V> {
+    fn drop(&mut self) {
+        if !self.is_done {
+            let mut waiting = self.shared.waiting();
+            waiting.answering = false;
+            waiting.askers.clear();
+        }
+    }
+}
+
+async fn answer<V: Clone>(mut task: Answering<V>) {
+    loop {
+        let mut askers = {
+            let mut waiting = task.shared.waiting();
+            waiting.answering = !waiting.askers.is_empty();
+            mem::take(&mut waiting.askers)
+        };
+        if askers.is_empty() {
+            task.is_done = true;
+            return;
+        }
+        let keys: BTreeSet<String> = askers.iter().map(|(key, _)| key.clone()).collect();
+        let found = (task.shared.read)(keys.into_iter().collect()).await;
+        if found.is_err() {
+            // Who came meanwhile does not wait for a second failure: that the database is away is true for them too.
+            askers.append(&mut task.shared.waiting().askers);
+        }
+        for (key, tell) in askers {
+            // Whoever has gone does not hear it.
+            let _ = tell.send(match &found {
+                Ok(found) => Ok(found.get(&key).cloned()),
+                Err(error) => Err(Error::Records(error.to_string().into())),
+            });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use futures::FutureExt;
+    use std::sync::atomic::{AtomicU64, Ordering};
+    use tokio::sync::Semaphore;
+
+    /// Reads that tell how many there were, each let go by a permit of `gate`; without one, they fail.
+    fn counted(gate: &Arc<Semaphore>) -> (Together<u64>, Arc<AtomicU64>) {
+        let (gate, reads) = (Arc::clone(gate), Arc::new(AtomicU64::new(0)));
+        let count = Arc::clone(&reads);
+        let read = move |keys: Vec<String>| {
+            let (gate, number) = (Arc::clone(&gate), count.fetch_add(1, Ordering::SeqCst) + 1);
+            let read = async move {
+                gate.acquire().await.map_err(|error| Error::Records(error.into()))?.forget();
+                Ok(keys.into_iter().filter(|key| key != "nothing").map(|key| (key, number)).collect())
+            };
+            read.boxed()
+        };
+        (Together::new(read), reads)
+    }
+
+    #[tokio::test]
+    async fn who_asks_during_a_read_is_answered_by_the_next_and_all_of_them_at_once() {
+        let gate = Arc::new(Semaphore::new(0));
+        let (together, reads) = counted(&gate);
+        let ask = |key: &'static str| {
+            let together = together.clone();
+            tokio::spawn(async move { together.ask(key).await.unwrap() })
+        };
+        let first = ask("a");
+        while reads.load(Ordering::SeqCst) == 0 {
+            tokio::task::yield_now().await;
+        }
+        let later: Vec<_> = ["a", "b", "nothing"].into_iter().cycle().take(300).map(ask).collect();
+        // One that goes away keeps nobody waiting.
+        ask("a").abort();
+        while together.0.waiting().askers.len() < 300 {
+            tokio::task::yield_now().await;
+        }
+        gate.add_permits(2);
+        assert_eq!(first.await.unwrap(), Some(1));
+        for (index, asked) in later.into_iter().enumerate() {
+            assert_eq!(asked.await.unwrap(), (index % 3 != 2).then_some(2), "{index}");
+        }
+        assert_eq!(reads.load(Ordering::SeqCst), 2);
+        gate.add_permits(1);
+        assert_eq!(together.ask("a").await.unwrap(), Some(3), "a read begins anew after a rest");
+    }
+
+    #[tokio::test]
+    async fn a_failed_read_is_told_to_all_who_wait_and_the_next_is_tried() {
+        let gate = Arc::new(Semaphore::new(0));
+        let (together, reads) = counted(&gate);
+        let asked: Vec<_> = (0..3)
+            .map(|_| {
+                tokio::spawn({
+                    let together = together.clone();
+                    async move { together.ask("a").await }
+                })
+            })
+            .collect();
+        while reads.load(Ordering::SeqCst) == 0 {
+            tokio::task::yield_now().await;
+        }
+        gate.close();
+        for asked in asked {
+            assert!(asked.await.unwrap().is_err());
+        }
+        assert!(together.ask("a").await.is_err(), "and nobody waits for ever");
+    }
+}
