@@ -92,7 +92,6 @@ struct Kept {
     jobs: LruCache<String, Entry>,
     /// Reads that were begun.
     reads: u64,
-    compared: Instant,
 }
 
 struct Entry {
@@ -115,7 +114,7 @@ impl Recent {
             let records = asked.clone();
             async move { query::stamps(&records, &ids).await }.boxed()
         };
-        let kept = Kept { jobs: LruCache::new(JOBS), reads: 0, compared: Instant::now() };
+        let kept = Kept { jobs: LruCache::new(JOBS), reads: 0 };
         Recent(Arc::new(Shared {
             kept: Mutex::new(kept),
             turns: (0..TURNS).map(|_| Turn::new(())).collect(),
@@ -184,13 +183,13 @@ impl Recent {
         self.0.kept().jobs.clear();
     }
 
-    /// The jobs to compare with the database now: once per poll, those that clients ask for; the others are forgotten.
-    pub(super) fn due(&self) -> Vec<String> {
-        let mut kept = self.0.kept();
-        if self.0.stamps.is_some() || kept.jobs.is_empty() || kept.compared.elapsed() < self.0.poll {
+    /// The jobs to compare with the database at a poll: those that clients ask for; the others are forgotten. None where every answer is
+    /// compared.
+    pub(super) fn asked_for(&self) -> Vec<String> {
+        if self.0.stamps.is_some() {
             return Vec::new();
         }
-        kept.compared = Instant::now();
+        let mut kept = self.0.kept();
         let idle = self.0.poll.saturating_mul(IDLE_POLLS);
         kept.jobs.retain(|_, entry| entry.asked.elapsed() < idle);
         kept.jobs.iter().filter(|(_, entry)| entry.known.is_some()).map(|(_, entry)| entry.id.clone()).collect()
@@ -344,7 +343,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_look_forgets_what_others_changed_and_what_nobody_asks_for() {
+    async fn a_look_forgets_what_others_changed_and_nothing_else() {
         let folder = tempfile::tempdir().unwrap();
         let recent = recent(&folder).await;
         let stamp = |state| Stamp::from(&known(state).job);
@@ -356,7 +355,9 @@ mod tests {
         recent.compare(Instant::now(), &ids, &found.into_iter().collect());
         let kept = ["same", "other", "gone", "unasked"].map(|id| is_kept(&recent, "a", id));
         assert_eq!(kept, [true, false, false, true]);
-        assert!(recent.due().is_empty(), "not before a poll is over");
+        let mut asked_for = recent.asked_for();
+        asked_for.sort();
+        assert_eq!(asked_for, ["same", "unasked"]);
     }
 
     #[tokio::test]

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::{Notify, watch};
-use tokio::time::{Instant, sleep};
+use tokio::time::{Instant, sleep, sleep_until};
 
 /// Least time between two looks: what changes together is told together.
 const GAP: Duration = Duration::from_millis(50);
@@ -61,24 +61,32 @@ impl Watcher {
     /// Looks at the jobs that somebody waits for: when this process `changes` a job, and every `poll` for what others changed; with
     /// the latter at the `recent` ones too. Without either the database is left alone.
     pub async fn keep_up(self, records: Records, recent: Recent, mut changes: watch::Receiver<()>, poll: Duration) {
+        let mut next = Instant::now();
         loop {
-            self.look(&records, &recent).await;
+            let polls = Instant::now() >= next;
+            if polls {
+                next = Instant::now() + poll;
+            }
+            self.look(&records, &recent, polls).await;
             sleep(GAP).await;
             tokio::select! {
                 _ = changes.changed() => {}
                 () = self.0.begun.notified() => {}
-                () = sleep(poll) => {}
+                () = sleep_until(next) => {}
             }
         }
     }
 
-    async fn look(&self, records: &Records, recent: &Recent) {
+    /// One look; where it `polls`, at all that is kept.
+    async fn look(&self, records: &Records, recent: &Recent, polls: bool) {
         let (look, mut ids) = {
             let mut watched = self.0.watched();
             watched.looks += 1;
             (watched.looks, watched.jobs.keys().cloned().collect::<Vec<_>>())
         };
-        ids.extend(recent.due());
+        if polls {
+            ids.extend(recent.asked_for());
+        }
         ids.sort();
         ids.dedup();
         if ids.is_empty() {
