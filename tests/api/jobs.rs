@@ -236,7 +236,7 @@ async fn only_the_transitions_of_the_table_happen() {
                     "cancel" => ours.cancel("default", &id).await.unwrap_or_default(),
                     "beat" => ours.beat(&claim, Some("hull"), 0.5).await.map(|_| ()).unwrap(),
                     "finish" => ours.finish(&claim, &[], &[]).await.map(|_| ()).unwrap(),
-                    "fail" => ours.fail(&claim, &Failure::panicked("x")).await.map(|_| ()).unwrap(),
+                    "fail" => ours.fail(&claim, &Failure::panicked()).await.map(|_| ()).unwrap(),
                     "stop" => ours.stop(&claim).await.map(|_| ()).unwrap(),
                     "release" => ours.release(&claim).await.map(|_| ()).unwrap(),
                     "retry" => ours.retry(&claim).await.map(|_| ()).unwrap(),

@@ -47,10 +47,10 @@ async fn a_thousand_jobs_of_one_tenant_delay_another_by_those_that_run() {
     let running = [claim(&queue, 0).await.unwrap(), claim(&queue, 1).await.unwrap()];
     assert!(running.iter().all(|claim| claim.tenant == "big"), "nobody else is there");
     line(&storage, "small", 1, 1, 0).await;
-    assert!(queue.fail(&running[0], &Failure::panicked("x")).await.unwrap());
+    assert!(queue.fail(&running[0], &Failure::panicked()).await.unwrap());
     let next = claim(&queue, 0).await.unwrap();
     assert_eq!(next.tenant, "small", "the first slot that is free is its");
-    assert!(queue.fail(&next, &Failure::panicked("x")).await.unwrap());
+    assert!(queue.fail(&next, &Failure::panicked()).await.unwrap());
     assert_eq!(claim(&queue, 0).await.unwrap().id, "big-1-100003");
 }
 
@@ -64,7 +64,7 @@ async fn one_slot_serves_tenants_in_turn_and_each_by_priority_then_age() {
     }
     let mut order = Vec::new();
     while let Some(claim) = claim(&queue, 0).await {
-        assert!(queue.fail(&claim, &Failure::panicked("x")).await.unwrap());
+        assert!(queue.fail(&claim, &Failure::panicked()).await.unwrap());
         order.push(claim.id);
         // Served in the same millisecond, nobody can tell who was first.
         tokio::time::sleep(Duration::from_millis(3)).await;

@@ -139,7 +139,7 @@ impl Both {
                 return;
             }
             1 => (queue.finish(&claim, &[], &[]).await, (held.is_some() && !cancel_requested) || finished),
-            2 => (queue.fail(&claim, &Failure::panicked("x")).await, held.is_some()),
+            2 => (queue.fail(&claim, &Failure::panicked()).await, held.is_some()),
             3 => (queue.retry(&claim).await, may_retry),
             4 => (queue.stop(&claim).await, cancel_requested),
             _ => (queue.release(&claim).await, held.is_some()),

@@ -246,7 +246,7 @@ fn sentence(error: &reqwest::Error) -> String {
     let unknown = match (error.is_timeout(), error.is_connect()) {
         (true, _) => "there was no answer in time",
         (false, true) => "no connection could be made",
-        (false, false) => "the answer broke off",
+        (false, false) => "the connection broke off",
     };
     words.unwrap_or(unknown).to_owned()
 }
@@ -423,7 +423,7 @@ mod tests {
         ] {
             let served = async {
                 let (mut stream, _) = listener.accept().await.unwrap();
-                let mut request = vec![0; 1024];
+                let mut request = vec![0; 1 << 16];
                 let _ = stream.read(&mut request).await;
                 let _ = stream.write_all(answer).await;
             };

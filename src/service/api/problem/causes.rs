@@ -93,7 +93,7 @@ mod tests {
         "S3",
         "http://",
         "os error",
-        "panicked",
+        "panicked at",
         "thread",
         "rs:",
     ];
