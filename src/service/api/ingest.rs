@@ -40,6 +40,7 @@ pub struct Elsewhere {
     columns: Option<Vec<String>>,
     /// The client's own keys and values, which every ray set that comes of it gets.
     #[serde(default)]
+    #[schema(nullable)]
     metadata: Metadata,
 }
 

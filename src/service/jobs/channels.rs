@@ -32,6 +32,7 @@ pub struct NewJob {
     pub timeout_s: Option<u32>,
     /// The client's own keys and values.
     #[serde(default, skip_serializing_if = "Metadata::is_empty")]
+    #[schema(nullable)]
     pub metadata: Metadata,
     /// Answer with an equal job of the tenant where there is one: same files, names, declarations, options and computation;
     /// waiting, running or succeeded; and with the same metadata, unless none is sent. Default: true.

@@ -3,8 +3,8 @@
 
 use super::super::access::quota::{Exceeded, Quota};
 use super::super::crash;
-use super::super::metadata;
 use super::Error;
+use super::metadata;
 use super::ray_sets::unreadable;
 use super::records::{Records, Transaction, ms, sql};
 use super::uploads::{New, Upload, upload};

@@ -108,7 +108,8 @@ impl Intake {
         let arriving = Arc::new(Arriving::new(self.storage.blobs.clone(), byte_count, Handle::current()));
         let bytes = Arc::clone(&arriving);
         // Its digest is not known yet; what is found does not depend on it.
-        let input = Input { name, sha256: String::new(), bytes, declared: declared.resolve().ok()?, notices: Vec::new() };
+        let input =
+            Input { name, sha256: String::new(), bytes, declared: declared.resolve().ok()?, notices: Vec::new() };
         let (stopped, limits) = (gone.child_token(), self.limits);
         let _stop = stopped.clone().drop_guard();
         let work = move || {

@@ -139,7 +139,8 @@ impl Uploads {
         let Announcement { name, byte_count, sha256: announced, declared, metadata: client_metadata, .. } = whole;
         let sha256_state = state(&Extent::default())?;
         let id = new_id();
-        let new = New { id, name, metadata, declared, client_metadata, announced, byte_count, sha256_state, is_partial };
+        let new =
+            New { id, name, metadata, declared, client_metadata, announced, byte_count, sha256_state, is_partial };
         let Intake { storage, quota, .. } = &self.intake;
         match uploads::insert(&storage.records, tenant, *quota, &new, self.expiry).await? {
             Ok(upload) => Ok(upload),
