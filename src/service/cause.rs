@@ -28,7 +28,7 @@ impl From<&storage::Error> for Cause {
             Error::Records(_) | Error::Blobs(_) | Error::Full => Cause::StoreAway,
             Error::MissingBlob(_) | Error::DamagedBlob { .. } => Cause::StoreDamaged,
             // Only seen while stores are opened, which no client has a part in.
-            Error::Fault(_) | Error::Unsupported(_) | Error::Unusable(_) => Cause::Ours,
+            Error::Fault(_) | Error::Unsupported(..) | Error::Unusable(_) => Cause::Ours,
         }
     }
 }
@@ -91,7 +91,7 @@ impl From<&storage::Error> for Failure {
             Error::Records(_) | Error::Blobs(_) => Failure::store_away(),
             Error::MissingBlob(key) => Failure::blob_missing(&owner(key)),
             Error::DamagedBlob { blob, .. } => Failure::blob_damaged(&owner(blob)),
-            Error::Fault(_) | Error::Unsupported(_) | Error::Unusable(_) => Failure::internal(),
+            Error::Fault(_) | Error::Unsupported(..) | Error::Unusable(_) => Failure::internal(),
         }
     }
 }

@@ -238,9 +238,7 @@ fn sentence(error: &reqwest::Error) -> String {
     let mut words = None;
     // The last and most particular reason counts.
     while let Some(inner) = cause {
-        let io = inner.downcast_ref::<io::Error>();
-        let wrapped = io.and_then(io::Error::get_ref).and_then(|inner| tls::words(inner));
-        words = wrapped.or_else(|| tls::words(inner)).or_else(|| io.and_then(|io| spoken(io.kind()))).or(words);
+        words = particular(inner).or(words);
         cause = inner.source();
     }
     let unknown = match (error.is_timeout(), error.is_connect()) {
@@ -249,6 +247,13 @@ fn sentence(error: &reqwest::Error) -> String {
         (false, false) => "the connection broke off",
     };
     words.unwrap_or(unknown).to_owned()
+}
+
+/// What one error of a chain says, or what it wraps: an `io::Error` does not name what is in it as its source.
+fn particular(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
+    let io = error.downcast_ref::<io::Error>();
+    let wrapped = io.and_then(io::Error::get_ref).and_then(|inner| particular(inner));
+    wrapped.or_else(|| tls::words(error)).or_else(|| spoken(io?.kind()))
 }
 
 /// What became of a connection.

@@ -3,12 +3,15 @@
 
 use super::private;
 use percent_encoding::{AsciiSet, CONTROLS, percent_decode_str, utf8_percent_encode};
-use std::fs;
-use std::io;
+use std::fs::{self, File};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 /// What stands for something else in a URL.
 const SPECIAL: &AsciiSet = &CONTROLS.add(b'%').add(b'?').add(b'#');
+
+/// What every database of SQLite begins with (its file format, 1.3).
+const MAGIC: &[u8] = b"SQLite format 3\0";
 
 /// Why a database is not opened. For whoever starts the service; clients never see it.
 #[derive(Debug, thiserror::Error)]
@@ -104,7 +107,11 @@ pub fn prepare(url: &str) -> Result<(), Unusable> {
     let Some(file) = path(url) else { return Ok(()) };
     match fs::metadata(&file) {
         Ok(found) if found.is_dir() => Err(Unusable::NotADatabase(file)),
-        Ok(_) => Ok(()),
+        Ok(_) => match begins_as_one(&file) {
+            Ok(true) => Ok(()),
+            Ok(false) => Err(Unusable::NotADatabase(file)),
+            Err(error) => Err(Unusable::Disk { path: file, error }),
+        },
         Err(error) if error.kind() == io::ErrorKind::NotFound && !url.contains("mode=rwc") => {
             Err(Unusable::Missing(file))
         }
@@ -113,6 +120,14 @@ pub fn prepare(url: &str) -> Result<(), Unusable> {
         }
         Err(error) => Err(Unusable::Disk { path: file, error }),
     }
+}
+
+/// Whether a file is empty or begins as SQLite's files do. SQLite itself takes a file of a few bytes for an empty one, and writes
+/// over it.
+fn begins_as_one(file: &Path) -> io::Result<bool> {
+    let mut beginning = Vec::new();
+    File::open(file)?.take(MAGIC.len() as u64).read_to_end(&mut beginning)?;
+    Ok(beginning.is_empty() || beginning == MAGIC)
 }
 
 #[cfg(test)]

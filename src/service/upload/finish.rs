@@ -272,12 +272,12 @@ impl Uploads {
         match Cause::from(error) {
             Cause::Input => Fate::Refused,
             Cause::Stopped => Fate::Lost,
-            Cause::StoreDamaged => Fate::GivenUp,
             Cause::Ours if claim.attempt >= i64::from(self.max_attempts) => Fate::GivenUp,
             Cause::Ours => Fate::Again { counted: true },
-            // A store that never answers must not keep the upload for ever: its bytes stay as long again.
-            Cause::StoreAway if claim.is_overdue => Fate::GivenUp,
-            Cause::StoreAway => Fate::Again { counted: false },
+            // A store that never answers must not keep the upload for ever: its bytes stay as long again. The same for one that
+            // has lost bytes: nobody else has them, and they come back if it was a disk that is not mounted.
+            Cause::StoreAway | Cause::StoreDamaged if claim.is_overdue => Fate::GivenUp,
+            Cause::StoreAway | Cause::StoreDamaged => Fate::Again { counted: false },
         }
     }
 

@@ -117,7 +117,7 @@ mod tests {
             Error::MissingBlob("/srv/data/other".into()),
             Error::DamagedBlob { blob: key.into(), found: 1, expected: 2 },
             Error::Fault(dirty().into()),
-            Error::Unsupported(dirty()),
+            Error::Unsupported(dirty(), "Write another."),
             Error::Unusable(Unusable::NotADatabase(path)),
         ];
         for error in &all {
@@ -127,7 +127,7 @@ mod tests {
                 | Error::Full
                 | Error::MissingBlob(_)
                 | Error::DamagedBlob { .. } => {}
-                Error::Fault(_) | Error::Unsupported(_) | Error::Unusable(_) => {}
+                Error::Fault(_) | Error::Unsupported(..) | Error::Unusable(_) => {}
             }
         }
         all
