@@ -12,7 +12,8 @@ use std::thread;
 #[cfg(target_os = "linux")]
 const NICE: i32 = 10;
 
-/// The same for a thread that somebody waits for who still sends: a third of the weight of one at 0, three times that of one at 10.
+/// How far that of a thread is raised whose result a sender waits for: a third of the weight of one at 0, three times that of one
+/// at 10.
 #[cfg(target_os = "linux")]
 const LITTLE: i32 = 5;
 
