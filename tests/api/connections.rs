@@ -271,7 +271,7 @@ async fn a_service_that_stops_keeps_what_came_of_an_upload_in_pieces() {
     let came = crate::resume::offset(&site, &at).await;
     assert!((300_000..file.len()).contains(&came), "{came}");
     crate::resume::append(&site, &at, came, file[came..].to_vec(), &[]).await;
-    assert_eq!(site.get(&at).await.json()["state"], "taken");
+    assert_eq!(crate::resume::ended(&site, &at).await["state"], "taken");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -48,7 +48,20 @@ pub async fn offset(site: &Site, at: &str) -> usize {
     head.header("upload-offset").parse().unwrap()
 }
 
-/// Sends a whole file in pieces; its address.
+/// What became of an upload of which all bytes came: the last request waits for that, but no longer than 10 s.
+pub async fn ended(site: &Site, at: &str) -> Value {
+    let start = std::time::Instant::now();
+    loop {
+        let upload = site.get(at).await.json();
+        if upload["state"] != "finishing" {
+            return upload;
+        }
+        assert!(start.elapsed() < crate::site::PATIENCE, "still {upload}");
+        tokio::time::sleep(std::time::Duration::from_millis(10)).await;
+    }
+}
+
+/// Sends a whole file in pieces; its address, when it is known what became of it.
 pub async fn send(site: &Site, file: &[u8], size: usize, more: &[(&str, &str)]) -> String {
     let at = begin(site, file.len(), more).await;
     let mut sent = 0;
@@ -57,6 +70,7 @@ pub async fn send(site: &Site, file: &[u8], size: usize, more: &[(&str, &str)]) 
         sent += piece.len();
         assert_eq!((reply.status, reply.header("upload-offset")), (StatusCode::NO_CONTENT, &*sent.to_string()));
     }
+    ended(site, &at).await;
     at
 }
 
@@ -119,6 +133,7 @@ async fn small_pieces_do_not_leave_small_parts() {
     assert_eq!(part_lengths(&site).await, [1_050_000, 1_050_000, 600_000]);
     assert_eq!(site.blobs().len(), 3);
     assert_eq!(append(&site, &at, sent, file[sent..].to_vec(), &[]).await.status, StatusCode::NO_CONTENT);
+    ended(&site, &at).await;
     let id = at.rsplit('/').next().unwrap();
     assert_eq!(site.get(&format!("/v1/ray-sets/{id}")).await.json()["sha256"], sha256(&file));
     assert_eq!(site.blobs().len(), 3);
@@ -237,7 +252,7 @@ async fn bytes_that_are_not_what_their_checksum_says_are_not_kept() {
     assert_eq!(reply.header("upload-offset"), "9000000");
     let rest = right(&file[9_000_000..]);
     append(&site, &at, 9_000_000, file[9_000_000..].to_vec(), &[("upload-checksum", &rest)]).await;
-    assert_eq!(site.get(&at).await.json()["state"], "taken");
+    assert_eq!(ended(&site, &at).await["state"], "taken");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -248,13 +263,13 @@ async fn the_first_bytes_may_come_along_and_the_length_later() {
     let whole = [VERSION, OCTETS, ("upload-length", length.as_str())];
     let begun = site.ask(Method::POST, "/v1/uploads", &whole, file.clone()).await;
     assert_eq!((begun.status, begun.header("upload-offset")), (StatusCode::CREATED, &*length));
-    assert_eq!(site.get(begun.header("location")).await.json()["state"], "taken");
+    assert_eq!(ended(&site, begun.header("location")).await["state"], "taken");
     // Part of it is not the whole: only what is said of the whole is held against it.
     let part = format!("sha-256=:{}:", BASE64.encode(Sha256::digest(&file[..99])));
     let first = [&whole[..], &[("content-digest", &part)]].concat();
     let begun = site.ask(Method::POST, "/v1/uploads", &first, file[..99].to_vec()).await;
     append(&site, begun.header("location"), 99, file[99..].to_vec(), &[]).await;
-    assert_eq!(site.get(begun.header("location")).await.json()["state"], "taken");
+    assert_eq!(ended(&site, begun.header("location")).await["state"], "taken");
     site.delete(begun.header("location")).await;
     // What fails was never begun: its sender could not know of it.
     let wrong = [("upload-checksum", "sha1 qZk+NkcGgWq6PiVxeFDCbJzQ2J0=")];
@@ -280,7 +295,7 @@ async fn the_first_bytes_may_come_along_and_the_length_later() {
         assert_eq!((reply.status, reply.header("upload-offset")), (StatusCode::NO_CONTENT, &*length), "{reply:?}");
         let head = site.ask(Method::HEAD, &at, &[VERSION], Body::empty()).await;
         assert_eq!((head.header("upload-length"), head.headers.get("upload-defer-length")), (&*length, None));
-        assert_eq!(site.get(&at).await.json()["state"], "taken");
+        assert_eq!(ended(&site, &at).await["state"], "taken");
     }
 }
 
@@ -373,7 +388,7 @@ async fn an_upload_has_its_room_from_its_beginning() {
     site.upload(file.clone()).await.is_problem(413, "quota.stored_bytes");
     // Once taken, it counts once.
     append(&site, &at[0], 0, file.clone(), &[]).await;
-    assert_eq!(site.get(&at[0]).await.json()["state"], "taken");
+    assert_eq!(ended(&site, &at[0]).await["state"], "taken");
     site.upload(file.clone()).await.is_problem(413, "quota.stored_bytes");
     // Where the length is left open, what is there counts.
     assert_eq!(site.delete(&at[1]).await.status, StatusCode::NO_CONTENT);
