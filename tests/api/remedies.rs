@@ -15,13 +15,14 @@ use std::fs;
 use std::path::Path;
 
 /// Remedies with a call in them, each followed by a test here (`curl` by `tests/process/remedies.rs`).
-const FOLLOWED: [&str; 14] = [
+const FOLLOWED: [&str; 15] = [
     "Ask with GET what became of it.",
     "Ask with GET why; begin another.",
     "Ask with HEAD where it goes on.",
     "Begin another upload, with the right Upload-Length.",
     "Enable it: PATCH it with {\\\"enabled\\\": true}.",
     "?dry_run=true tells what it comes to",
+    "OPTIONS /v1/uploads names what there is of tus; such an upload begins with POST /v1/uploads.",
     "Say it once, with Upload-Defer-Length: 1 at the beginning.",
     "Say either Upload-Length or Upload-Defer-Length: 1.",
     "See /docs.",
@@ -93,6 +94,12 @@ async fn who_asks_at_a_wrong_place_is_led_to_a_right_one() {
         let reply = site.ask(method.parse().unwrap(), "/v1/jobs", &[], Body::empty()).await;
         assert_ne!(reply.status, StatusCode::METHOD_NOT_ALLOWED, "{method}");
     }
+    let elsewhere = site.ask(Method::POST, "/v1/ray-sets", &[("upload-length", "9")], rays::zemax(9)).await;
+    let remedy = "OPTIONS /v1/uploads names what there is of tus; such an upload begins with POST /v1/uploads.";
+    told(&elsewhere, 400, "request.header_not_honoured", remedy);
+    let abilities = site.ask(Method::OPTIONS, "/v1/uploads", &[VERSION], Body::empty()).await;
+    assert!(abilities.header("tus-extension").contains("creation"), "{abilities:?}");
+    begin(&site, 9, &[]).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

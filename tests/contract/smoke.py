@@ -86,7 +86,7 @@ assert isinstance(known, Upload) and known.metadata["order"] == "4711" and known
 found = list_ray_sets.sync(client=client, metadata='{"order":"4711"}')
 assert [one.id for one in found.ray_sets] == [uuid.UUID(known.ray_sets[0])], found
 
-ray_sets = list_ray_sets.sync(client=client, limit=1)
+ray_sets = list_ray_sets.sync(client=client, name="chip.tm25ray", limit=1)
 assert isinstance(ray_sets, RaySetList) and [one.id for one in ray_sets.ray_sets] == [ray_set.id], ray_sets
 jobs = list_jobs.sync(client=client, state=[State.SUCCEEDED])
 assert isinstance(jobs, JobList) and [one.id for one in jobs.jobs] == [job.id] and jobs.next_ is None, jobs
