@@ -66,7 +66,7 @@ pub async fn known(State(api): State<Api>, request: Request, next: Next) -> Resp
     {
         return problem.into_response();
     }
-    let prefix = extensions.get::<Prefix>().cloned().unwrap_or(api.prefix);
+    let prefix = extensions.get::<Prefix>().cloned().unwrap_or_else(|| api.prefix.clone());
     within(prefix, next.run(request)).await
 }
 
