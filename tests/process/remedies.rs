@@ -96,7 +96,7 @@ fn sentences() -> Vec<Sentence> {
 }
 
 /// Words between what cannot be part of one.
-fn words<'a>(text: &'a str, part: impl Fn(char) -> bool) -> impl Iterator<Item = &'a str> {
+fn words(text: &str, part: impl Fn(char) -> bool) -> impl Iterator<Item = &str> {
     text.split(move |letter: char| !part(letter)).filter(|word| !word.is_empty())
 }
 
@@ -164,23 +164,23 @@ fn every_flag_and_verb_that_a_sentence_names_is_there() {
     assert!(named > 20, "only {named} flags were found: this test looks in the wrong place");
 }
 
-#[test]
-fn every_route_parameter_option_and_header_that_a_sentence_names_is_there() {
-    // What HTTP itself has; ours are in the contract.
-    const HTTP: [&str; 11] = [
-        "Allow",
-        "Authorization",
-        "Content-Disposition",
-        "Content-Encoding",
-        "Content-Length",
-        "Content-Type",
-        "Host",
-        "If-Match",
-        "If-None-Match",
-        "Retry-After",
-        "Transfer-Encoding",
-    ];
-    let contract = contract();
+/// Headers that HTTP itself has; ours are in the contract.
+const HTTP: [&str; 11] = [
+    "Allow",
+    "Authorization",
+    "Content-Disposition",
+    "Content-Encoding",
+    "Content-Length",
+    "Content-Type",
+    "Host",
+    "If-Match",
+    "If-None-Match",
+    "Retry-After",
+    "Transfer-Encoding",
+];
+
+/// Names of parameters and, in lower case, of headers that the contract and HTTP have.
+fn known_names(contract: &Value) -> (BTreeSet<String>, BTreeSet<String>) {
     let mut parameters = BTreeSet::new();
     let mut headers: BTreeSet<String> = HTTP.iter().map(|name| name.to_lowercase()).collect();
     for operation in contract["paths"].as_object().unwrap().values().flat_map(|item| item.as_object().unwrap().values())
@@ -194,6 +194,13 @@ fn every_route_parameter_option_and_header_that_a_sentence_names_is_there() {
             headers.extend(response["headers"].as_object().into_iter().flatten().map(|(name, _)| name.to_lowercase()));
         }
     }
+    (parameters, headers)
+}
+
+#[test]
+fn every_route_parameter_option_and_header_that_a_sentence_names_is_there() {
+    let contract = contract();
+    let (parameters, headers) = known_names(&contract);
     let paths: Vec<Vec<&str>> =
         contract["paths"].as_object().unwrap().keys().map(|path| path.split('/').collect()).collect();
     let is_route = |path: &str| {
@@ -237,7 +244,7 @@ fn every_route_parameter_option_and_header_that_a_sentence_names_is_there() {
                     && part.as_bytes()[0].is_ascii_uppercase()
                     && part[1..].bytes().all(|b| b.is_ascii_lowercase())
             };
-            if parts.len() > 1 && parts.iter().all(|part| capital(&part)) {
+            if parts.len() > 1 && parts.iter().all(capital) {
                 named.2 += 1;
                 assert!(headers.contains(&word.to_lowercase()), "{file}: no such header {word}: {text}");
             }
