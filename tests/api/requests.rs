@@ -172,7 +172,7 @@ async fn what_is_not_there_is_not_found() {
         .await
         .is_problem(404, "ray_set.not_found");
     nothing_queued(&site).await;
-    for path in ["/v1", "/v1/job", "/v2/jobs", "/v1/jobs/", "/docs/no.js", "/docs/../Cargo.toml"] {
+    for path in ["/v1", "/v1/job", "/v2/jobs", "/v1/job/", "/docs/no.js", "/docs/../Cargo.toml"] {
         site.get(path).await.is_problem(404, "request.not_found");
     }
     site.get("/v1/jobs/%ff").await.is_problem(400, "request.malformed_path");

@@ -52,10 +52,15 @@ impl Unasked {
     }
 }
 
+/// Longest piece of an answer that HTTP/2 is given at once, bytes: what it was given does not wait for its client here.
+const PIECE: usize = 16 << 10;
+
 /// An answer that holds what its request has of the service until it is sent.
 pub struct Held {
     body: Answer,
     unasked: Option<(Arc<Unasked>, u64)>,
+    /// What is left of the piece that was taken last.
+    rest: Bytes,
     _at_hand: AtHand,
     _forwarded: Option<Forwarded>,
 }
@@ -64,7 +69,20 @@ impl Held {
     /// The answer `body` of a request that is `at_hand`.
     pub fn new(body: Answer, at_hand: AtHand, forwarded: Option<Forwarded>, unasked: Option<&Arc<Unasked>>) -> Held {
         let unasked = unasked.map(|unasked| (Arc::clone(unasked), unasked.enter()));
-        Held { body, unasked, _at_hand: at_hand, _forwarded: forwarded }
+        Held { body, unasked, rest: Bytes::new(), _at_hand: at_hand, _forwarded: forwarded }
+    }
+}
+
+impl Held {
+    /// The beginning of a frame; the rest is kept.
+    fn piece(&mut self, frame: Frame<Bytes>) -> Frame<Bytes> {
+        match frame.into_data() {
+            Ok(mut data) => {
+                self.rest = data.split_off(data.len().min(PIECE));
+                Frame::data(data)
+            }
+            Err(trailers) => trailers,
+        }
     }
 }
 
@@ -73,22 +91,35 @@ impl Body for Held {
     type Error = axum::Error;
 
     fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
-        let frame = Pin::new(&mut self.body).poll_frame(cx);
-        if let Some((unasked, number)) = &self.unasked {
-            match &frame {
-                Poll::Ready(Some(_)) => unasked.note(*number),
-                _ => unasked.forget(*number),
+        let frame = match self.rest.is_empty() {
+            true => Pin::new(&mut self.body).poll_frame(cx),
+            false => Poll::Ready(Some(Ok(Frame::data(std::mem::take(&mut self.rest))))),
+        };
+        let Some((unasked, number)) = self.unasked.clone() else { return frame };
+        match frame {
+            Poll::Ready(Some(Ok(frame))) => {
+                unasked.note(number);
+                Poll::Ready(Some(Ok(self.piece(frame))))
+            }
+            other => {
+                unasked.forget(number);
+                other
             }
         }
-        frame
     }
 
     fn is_end_stream(&self) -> bool {
-        self.body.is_end_stream()
+        self.rest.is_empty() && self.body.is_end_stream()
     }
 
     fn size_hint(&self) -> SizeHint {
-        self.body.size_hint()
+        let (body, rest) = (self.body.size_hint(), self.rest.len() as u64);
+        let mut all = SizeHint::new();
+        all.set_lower(body.lower().saturating_add(rest));
+        if let Some(upper) = body.upper() {
+            all.set_upper(upper.saturating_add(rest));
+        }
+        all
     }
 }
 

@@ -182,6 +182,15 @@ async fn rested(connection: &Connection, longest: Duration) {
     }
 }
 
+/// Resolves when the service drains, on a connection that had a request. One that had none would be closed by hyper before its
+/// first is read; it is answered, and that answer is its last.
+async fn draining_after_a_request(draining: &CancellationToken, connection: &Connection) {
+    draining.cancelled().await;
+    if !connection.has_asked() {
+        pending::<()>().await;
+    }
+}
+
 /// Resolves when the service closes, on a connection that never had a request: nobody waits for an answer there.
 async fn unused_when_closing(stopping: &Stopping, connection: &Connection) {
     stopping.closing.cancelled().await;
@@ -213,7 +222,7 @@ impl Asker {
     }
 
     async fn http_1(self, stream: Unread, head: Duration) -> Ended {
-        let (draining, is_spare) = (self.server.stopping.draining.clone(), self.connection.is_spare());
+        let (draining, place) = (self.server.stopping.draining.clone(), Arc::clone(&self.connection));
         let is_partly_read = Arc::new(AtomicBool::new(false));
         let partly_read = Arc::clone(&is_partly_read);
         let service = service_fn(move |request: Request<Incoming>| {
@@ -223,11 +232,11 @@ impl Asker {
         let mut builder = http1::Builder::new();
         builder.timer(TokioTimer::new()).header_read_timeout(head);
         builder.max_headers(MAX_HEADERS).max_header_size(MAX_HEAD_BYTES as usize);
-        builder.keep_alive(!is_spare && !draining.is_cancelled());
+        builder.keep_alive(!place.is_spare());
         let mut connection = builder.serve_connection(TokioIo::new(stream), service);
         let ended = tokio::select! {
             ended = poll_fn(|cx| connection.poll_without_shutdown(cx)) => ended,
-            () = draining.cancelled() => {
+            () = draining_after_a_request(&draining, &place) => {
                 Pin::new(&mut connection).graceful_shutdown();
                 poll_fn(|cx| connection.poll_without_shutdown(cx)).await
             }
@@ -272,6 +281,7 @@ impl Asker {
     /// One request, and what it holds until its answer is sent.
     async fn respond(self, mut request: Request, unasked: Option<Arc<Unasked>>) -> io::Result<Response> {
         let Stopping { draining, requests, .. } = &self.server.stopping;
+        let version = request.version();
         let token = (!draining.is_cancelled()).then(|| requests.token());
         let at_hand = self.connection.begin(token).ok_or(io::ErrorKind::ConnectionAborted)?;
         let proxies = &self.server.proxies;
@@ -288,6 +298,9 @@ impl Asker {
         extensions.insert(prefix);
         extensions.insert(at_hand.clone());
         let Ok(mut response) = self.server.router.clone().oneshot(request).await;
+        if version <= Version::HTTP_11 && draining.is_cancelled() {
+            response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+        }
         let status = response.status();
         if status.canonical_reason().is_none() {
             response.extensions_mut().insert(reason(status.as_u16()));

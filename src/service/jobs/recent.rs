@@ -274,6 +274,7 @@ fn key(tenant: &str, id: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::metadata::Metadata;
     use super::super::options::JobOptions;
     use super::super::{Priority, State};
     use super::*;
@@ -292,6 +293,7 @@ mod tests {
             stage_progress: 0.0,
             priority: Priority::Normal,
             timeout_s: None,
+            metadata: Metadata::default(),
             memory_bytes: 0,
             queue_position,
             failure: None,
@@ -369,7 +371,13 @@ mod tests {
             assert!(is_kept(&recent, "a", "0"), "what is asked for stays");
         }
         assert!(recent.0.kept().jobs.len() <= JOBS && !is_kept(&recent, "a", "1"));
-        let notice = super::super::StoredNotice { code: "x".into(), count: 1, first_ray: None, message: "x".into() };
+        let notice = super::super::StoredNotice {
+            code: "x".into(),
+            count: 1,
+            first_ray: None,
+            message: "x".into(),
+            channel: None,
+        };
         let mut long = Arc::into_inner(known(State::Succeeded)).unwrap().job;
         long.notices = vec![notice; LINES + 1];
         let number = recent.0.kept().begin("a long", "a", "long");
