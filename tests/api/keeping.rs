@@ -275,11 +275,14 @@ async fn a_number_that_cannot_be_written_fails_its_job_once() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_stored_job_that_cannot_be_read_is_a_fault_and_no_store_that_is_away() {
-    let site = Site::start(prompt()).await;
+    let mut site = Site::start(prompt()).await;
     let ray_set = site.ray_set().await;
     let job = site.job(&ray_set).await;
     site.until_state(&job, "succeeded").await;
     site.write(sql("UPDATE jobs SET notices = 'SELECT /etc/x' WHERE id = $1").bind(job.as_str())).await;
+    // One that remembers the job does not read it again.
+    site.kill().await;
+    site.restart(prompt()).await;
     let reply = site.get(&format!("/v1/jobs/{job}")).await;
     reply.is_problem(500, "service.internal");
     assert!(!reply.json().to_string().contains("expected"), "{}", reply.json());

@@ -34,7 +34,7 @@ async fn a_packed_ray_file_is_the_ray_set_it_holds() {
         assert_eq!((&ray_set["name"], &ray_set["byte_count"]), (&json!("a.dat"), &json!(file.len())));
         assert_eq!(ray_set["sha256"], sha256(&file));
         assert_eq!(ray_set["header"]["ray_count"], 400_000);
-        assert_eq!(ray_set["packed"], json!({ "name": name, "sha256": digest }));
+        assert_eq!(ray_set["packed"], json!({ "name": name, "sha256": digest, "left_out": [] }));
         assert_eq!(site.get(reply.header("location")).await.json(), ray_set);
         // The packed bytes are gone.
         assert_eq!(site.blobs().len(), file.len().div_ceil(PART_BYTES) * (number + 1));

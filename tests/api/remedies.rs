@@ -168,7 +168,7 @@ async fn an_upload_that_went_wrong_goes_on_as_the_remedy_has_it() {
 
     // A refused one says why. HEAD, which tells of it, has no body: the remedy is for who reads its GET.
     let text = begin(&site, 10, &[]).await;
-    append(&site, &text, 0, b"no rays at".to_vec(), &[]).await.is_problem(422, "detect.not_rays");
+    append(&site, &text, 0, b"no rays at".to_vec(), &[]).await.is_problem(400, "detect.not_rays");
     let head = site.ask(Method::HEAD, &text, &[VERSION], Body::empty()).await;
     assert_eq!(head.status, StatusCode::GONE, "Ask with GET why; begin another.");
     assert_eq!(site.get(&text).await.json()["problem"]["code"], "detect.not_rays");

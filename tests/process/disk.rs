@@ -120,7 +120,7 @@ fn what_is_no_database_of_ours_is_refused_at_once_and_named() {
     refused(&["--data", text], "storage.newer_database", &file);
     let missing = folder.path().join("nowhere/rows.db");
     refused(
-        &["--data", text, "--database-url", &format!("sqlite:{}", missing.display())],
+        &["--data", text, "--database-url", &format!("sqlite:{}?mode=rw", missing.display())],
         "storage.no_database",
         &missing,
     );

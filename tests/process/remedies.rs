@@ -213,7 +213,7 @@ fn every_route_parameter_option_and_header_that_a_sentence_names_is_there() {
     };
     let options = contract["components"]["schemas"]["JobOptions"]["properties"].as_object().unwrap();
     let is_option = |group: &str, name: &str| {
-        let reference = options[group]["$ref"].as_str().or(options[group]["oneOf"][1]["$ref"].as_str()).unwrap();
+        let reference = options[group]["$ref"].as_str().or(options[group]["oneOf"][0]["$ref"].as_str()).unwrap();
         !contract.pointer(&format!("{}/properties/{name}", &reference[1..])).unwrap_or(&Value::Null).is_null()
     };
     let mut named = (0, 0, 0);
@@ -302,7 +302,7 @@ fn the_call_that_sends_a_file_sends_it() {
     let refused = server.post("/v1/ray-sets", "application/octet-stream", b"").json();
     let remedy = refused["remedy"].as_str().unwrap_or_else(|| panic!("{refused}"));
     let words =
-        remedy.split(" as ").nth(1).and_then(|call| call.split(" does").next()).unwrap_or_else(|| panic!("{remedy}"));
+        remedy.rsplit(" as ").next().and_then(|call| call.split(" does").next()).unwrap_or_else(|| panic!("{remedy}"));
     let file = folder.path().join("led.dat");
     fs::write(&file, crate::rays::zemax(9)).unwrap();
     let url = format!("http://{}/v1/ray-sets", server.address);
