@@ -66,7 +66,9 @@ impl Unusable {
                 "Name the service's data folder with --data, or move this file away; if it was the database, restore a backup."
             }
             Unusable::Foreign(_) => "Name another file with --database-url, or another folder with --data.",
-            Unusable::Missing(_) => "Name the right file with --database-url; with mode=rwc in place of mode=rw it is made.",
+            Unusable::Missing(_) => {
+                "Name the right file with --database-url; with mode=rwc in place of mode=rw it is made."
+            }
             Unusable::Newer { .. } => "Start the newer version, or restore a backup from before it was first started.",
             Unusable::Disk { .. } => "See to the permissions of the file and of the folders above it.",
         }
