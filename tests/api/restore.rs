@@ -48,7 +48,8 @@ async fn a_dump_and_then_a_copy_of_the_bucket_are_a_backup() {
 
     // The service works on: first the rows, then what they name and what came meanwhile.
     let url = site.config.database_url();
-    let (server, schema) = url.split_once("?options[search_path]=").unwrap();
+    let (server, options) = url.split_once('?').unwrap();
+    let schema = options.split_once("options[search_path]=").unwrap().1;
     let dump = site.folder.path().join("rows.dump");
     let dump = Path::to_str(&dump).unwrap();
     run("pg_dump", &["--dbname", server, "--schema", schema, "--format", "custom", "--file", dump]);

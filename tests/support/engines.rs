@@ -24,7 +24,7 @@ pub async fn shared() -> Option<Engines> {
     connection.execute(sqlx::AssertSqlSafe(format!("CREATE SCHEMA {name}"))).await.unwrap();
     connection.close().await.unwrap();
     Some(Engines {
-        database_url: format!("{database}?options[search_path]={name}&application_name={name}"),
+        database_url: format!("{database}?application_name={name}&options[search_path]={name}"),
         storage_url: format!("{store}/{name}"),
     })
 }
