@@ -43,8 +43,8 @@ enum Verb {
 }
 
 fn main() -> ExitCode {
+    let unread = environment::unread(&CommandLine::command());
     let command = environment::without_empty(CommandLine::command());
-    let unread = environment::unread(&command);
     let read = CommandLine::from_arg_matches(&command.get_matches());
     let arguments = read.unwrap_or_else(|error| error.format(&mut CommandLine::command()).exit());
     let verb = arguments.verb.unwrap_or_else(|| Verb::Serve(Box::new(arguments.serve)));

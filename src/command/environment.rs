@@ -34,8 +34,16 @@ fn unread_of(command: &Command, set: impl Iterator<Item = OsString>) -> Vec<Stri
     collect(command, &mut known);
     let mut names: Vec<String> = set.filter_map(|name| name.into_string().ok()).collect();
     names.sort();
-    let ours = |name: &String| name.to_ascii_uppercase().starts_with(PREFIX) && !known.contains(name);
+    let ours = |name: &String| {
+        name.to_ascii_uppercase().starts_with(PREFIX) && !known.contains(name) && !is_of_kubernetes(name)
+    };
     names.into_iter().filter(ours).map(|name| told(&name, &known)).collect()
+}
+
+/// What Kubernetes sets in every container beside a Service called `lampwright`.
+fn is_of_kubernetes(name: &str) -> bool {
+    let rest = name.strip_prefix(PREFIX).unwrap_or_default();
+    rest == "PORT" || ["PORT_", "SERVICE_HOST", "SERVICE_PORT"].iter().any(|known| rest.starts_with(known))
 }
 
 fn told(name: &str, known: &[String]) -> String {

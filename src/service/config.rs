@@ -11,7 +11,7 @@ use super::storage::database_file;
 use super::webhooks;
 use crate::pipeline;
 use std::net::{Ipv4Addr, SocketAddr};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
 use std::time::Duration;
 
@@ -185,7 +185,10 @@ impl Config {
 
     /// The local folders that are written to.
     pub fn local_folders(&self) -> Vec<PathBuf> {
-        let records = self.database_url().starts_with("sqlite:").then(|| self.data.clone());
+        let records = database_file::path(&self.database_url()).map(|file| match file.parent() {
+            Some(folder) if folder != Path::new("") => folder.to_owned(),
+            _ => PathBuf::from("."),
+        });
         let blobs = self.storage_url().strip_prefix("file:").map(PathBuf::from);
         records.into_iter().chain(blobs).collect()
     }

@@ -86,9 +86,10 @@ impl Proxies {
         if !self.trusts(peer.ip) {
             return peer;
         }
-        let chain = match headers.contains_key(header::FORWARDED) {
-            true => forwarded(headers),
-            false => lines(headers, &FOR).flat_map(|line| line.split(',')).map(node).collect(),
+        // Most proxies write X-Forwarded-For alone and hand on a `Forwarded` that the client made up.
+        let chain = match headers.contains_key(&FOR) {
+            true => lines(headers, &FOR).flat_map(|line| line.split(',')).map(node).collect(),
+            false => forwarded(headers),
         };
         let mut client = peer;
         for named in chain.into_iter().rev() {
@@ -130,8 +131,12 @@ fn forwarded(headers: &HeaderMap) -> Vec<Option<Peer>> {
     elements.map(of).collect()
 }
 
-/// The parts of a text between marks that are not in a quoted string.
+/// The parts of a text between marks that are not in a quoted string. Where a quote does not close, every mark counts: a client that
+/// begins one must not hide what the proxy has added behind it.
 fn outside_quotes(text: &str, mark: char) -> Vec<&str> {
+    if text.matches('"').count() % 2 == 1 {
+        return text.split(mark).collect();
+    }
     let (mut parts, mut start, mut is_quoted) = (Vec::new(), 0, false);
     for (at, char) in text.char_indices() {
         match char {

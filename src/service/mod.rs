@@ -277,6 +277,7 @@ impl Service {
             origins: config.cors_origins.clone().into(),
             prefix: config.proxies.public.clone().unwrap_or_default(),
             space,
+            readiness: api::health::readiness(storage.clone()),
             storage,
             queue,
             watcher,

@@ -193,7 +193,7 @@ impl Keyring {
 }
 
 async fn held(records: &Records, ids: &[String]) -> Result<HashMap<String, Held>, Error> {
-    let list = serde_json::to_string(ids).map_err(|error| Error::Records(Box::new(error)))?;
+    let list = serde_json::to_string(ids).map_err(Error::fault)?;
     let select = sql("SELECT *, {now} AS now_ms FROM api_keys WHERE id IN ({texts of $1 texts})").bind(list);
     let held = |row: &Row| {
         let (key, secret_sha256) = (key(row)?, row.text("secret_sha256")?);

@@ -37,6 +37,7 @@ pub async fn contract(headers: HeaderMap) -> Result<Response, Problem> {
     };
     let etag = tag(text.as_bytes());
     let mut response = file_or_not(&headers, &etag, CONTRACT_LIFETIME, || text.into_owned().into_response())?;
+    response.headers_mut().insert(header::VARY, HeaderValue::from_static("x-forwarded-prefix"));
     if response.status() == StatusCode::OK {
         response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static("application/json"));
     }
@@ -84,7 +85,7 @@ pub async fn front() -> Redirect {
 
 /// The pages' relative links need the slash.
 pub async fn index() -> Redirect {
-    Redirect::permanent(&link("/docs/"))
+    Redirect::temporary(&link("/docs/"))
 }
 
 /// The first page.

@@ -1,10 +1,14 @@
 //! `/healthz`: the process lives. `/readyz`: it can do its work.
 
+use super::super::storage::Storage;
+use super::super::storage::together::Together;
 use super::Api;
 use super::problem::Problem;
 use axum::Json;
 use axum::extract::State;
+use futures::FutureExt;
 use serde::Serialize;
+use std::collections::HashMap;
 use utoipa::ToSchema;
 
 /// That the service is well.
@@ -27,6 +31,24 @@ pub async fn live() -> Json<Health> {
     Json(WELL)
 }
 
+/// What the stores are asked as, all of them together.
+const STORES: &str = "stores";
+
+/// Whether the stores work, tried once for all who ask at the same time: a trial writes, and whoever asks has no key.
+pub type Readiness = Together<Result<(), Problem>>;
+
+/// Tries these stores.
+pub fn readiness(storage: Storage) -> Readiness {
+    Together::new(move |_| {
+        let storage = storage.clone();
+        async move {
+            let checked = storage.check().await.map_err(|error| Problem::from(error).not_ready());
+            Ok(HashMap::from([(STORES.to_owned(), checked)]))
+        }
+        .boxed()
+    })
+}
+
 /// Tells whether the service can do its work
 ///
 /// What is written to the database is there for others, the object store takes bytes, local disks have the room that is kept
@@ -45,6 +67,7 @@ pub async fn ready(State(api): State<Api>) -> Result<Json<Health>, Problem> {
     if !api.space.has_room_for(0) {
         return Err(Problem::low_space().not_ready());
     }
-    api.storage.check().await.map_err(|error| Problem::from(error).not_ready())?;
+    let checked = api.readiness.ask(STORES).await.map_err(|error| Problem::from(error).not_ready())?;
+    checked.unwrap_or(Ok(()))?;
     Ok(Json(WELL))
 }

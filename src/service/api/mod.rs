@@ -143,6 +143,8 @@ pub struct Services {
     pub metrics: Metrics,
     /// Room on local disks.
     pub space: Space,
+    /// Whether the stores work.
+    pub readiness: health::Readiness,
     /// The service is stopping: what would not end by itself ends when this is cancelled.
     pub draining: CancellationToken,
 }

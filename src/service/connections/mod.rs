@@ -46,6 +46,8 @@ const MAX_HEAD_BYTES: u32 = 32 << 10;
 const MAX_HEADERS: usize = 64;
 /// Rest after the system had no connection to give.
 const REST: Duration = Duration::from_secs(1);
+/// How often it is looked whether a connection rests, while the service closes.
+const CLOSING_LOOK: Duration = Duration::from_millis(20);
 /// Longest time for who sends on after an answer while the service stops.
 const LAST: Duration = Duration::from_secs(1);
 /// Longest time for the head of a request on a spare connection.
@@ -199,6 +201,15 @@ async fn unused_when_closing(stopping: &Stopping, connection: &Connection) {
     }
 }
 
+/// Resolves when the service closes and a connection has no request at hand. HTTP/2 closes when its client answers; one that is
+/// suspended, or gone, never does.
+async fn resting_when_closing(stopping: &Stopping, connection: &Connection) {
+    stopping.closing.cancelled().await;
+    while connection.resting_since().is_none() {
+        sleep(CLOSING_LOOK).await;
+    }
+}
+
 /// Why a connection ended early.
 type Ended = Result<(), Box<dyn std::error::Error + Send + Sync>>;
 
@@ -254,7 +265,8 @@ impl Asker {
     }
 
     async fn http_2(self, stream: Unread) -> Ended {
-        let (draining, bounds) = (self.server.stopping.draining.clone(), self.server.bounds);
+        let (server, place) = (Arc::clone(&self.server), Arc::clone(&self.connection));
+        let (draining, bounds) = (&server.stopping.draining, server.bounds);
         let unasked = Arc::new(Unasked::default());
         let waiting = Arc::clone(&unasked);
         let service = service_fn(move |request: Request<Incoming>| {
@@ -275,6 +287,7 @@ impl Asker {
         tokio::select! {
             ended = connection => Ok(ended?),
             () = unasked.too_long(bounds.unread) => Err("an answer went unread".into()),
+            () = resting_when_closing(&server.stopping, &place) => Ok(()),
         }
     }
 

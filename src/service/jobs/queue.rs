@@ -116,7 +116,8 @@ pub struct Queue {
 }
 
 /// A change of one job that this process is about to make. Dropped, done or not: the job is read anew by whoever asks for it, and
-/// those who wait for it are told. It is made before the statement, so that a client who goes away meanwhile leaves nothing stale.
+/// those who wait for it are told. It is made before the statement. Where a client goes away meanwhile, the statement may still be
+/// carried out afterwards; the comparison at every poll finds that.
 pub(super) struct Change<'a> {
     queue: &'a Queue,
     tenant: &'a str,

@@ -131,11 +131,20 @@ impl Blobs {
         }
     }
 
+    /// Whether a local store lacks even the folder that all keys like this one are in, as where its disk is not mounted.
+    fn is_away(&self, key: &str) -> bool {
+        let kind = key.split('/').next().unwrap_or_default();
+        self.folder.as_ref().is_some_and(|folder| !folder.join(kind).is_dir())
+    }
+
     /// Why the bytes up to `expected` of a blob could not be had: what the blob lacks, or else what the store said.
     async fn why(&self, key: &str, expected: u64, said: Option<object_store::Error>) -> Error {
         let path = Path::from(key);
         // A store that does not answer has said so for long enough.
         match (timeout(LOOK, self.store.head(&path)).await, said) {
+            (Ok(Err(object_store::Error::NotFound { .. })), _) if self.is_away(key) => {
+                Error::Blobs("the folder of the object store is not there; is its disk mounted?".into())
+            }
             (Ok(Err(object_store::Error::NotFound { .. })), _) => Error::MissingBlob(key.to_owned()),
             (Ok(Ok(found)), _) if found.size < expected => {
                 Error::DamagedBlob { blob: key.to_owned(), found: found.size, expected }

@@ -45,7 +45,7 @@ async fn insert(
 /// # Errors
 /// Never in practice: texts can be written.
 pub fn written(metadata: &Metadata) -> Result<String, Error> {
-    metadata.json().map_err(|error| Error::Records(Box::new(error)))
+    metadata.json().map_err(Error::fault)
 }
 
 /// Metadata from a column.
@@ -53,7 +53,7 @@ pub fn written(metadata: &Metadata) -> Result<String, Error> {
 /// # Errors
 /// A row that holds something else.
 pub fn read(text: &str) -> Result<Metadata, Error> {
-    serde_json::from_str(text).map_err(|error| Error::Records(Box::new(error)))
+    serde_json::from_str(text).map_err(Error::fault)
 }
 
 /// The two values by which a statement finds what has all these keys and values: the pairs as a JSON list, and their number.
@@ -62,6 +62,6 @@ pub fn read(text: &str) -> Result<Metadata, Error> {
 /// Never in practice: texts can be written.
 pub fn bind_wanted(statement: Statement, wanted: &Metadata) -> Result<Statement, Error> {
     let pairs: Vec<String> = wanted.pairs().collect();
-    let list = serde_json::to_string(&pairs).map_err(|error| Error::Records(Box::new(error)))?;
+    let list = serde_json::to_string(&pairs).map_err(Error::fault)?;
     Ok(statement.bind(list).bind(pairs.len() as i64))
 }

@@ -45,7 +45,7 @@ impl Spectrum {
     /// # Errors
     /// A row that holds something else.
     pub fn noticed<T: DeserializeOwned>(&self) -> Result<T, Error> {
-        serde_json::from_str(&self.notices).map_err(|error| Error::Records(Box::new(error)))
+        serde_json::from_str(&self.notices).map_err(Error::fault)
     }
 }
 

@@ -6,7 +6,12 @@ use futures::future::BoxFuture;
 use std::collections::{BTreeSet, HashMap};
 use std::mem;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 use tokio::sync::oneshot;
+use tokio::time::timeout;
+
+/// Longest read. All who ask wait for it, so a connection that was lost without a word must not hold them up.
+const LONGEST: Duration = Duration::from_secs(10);
 
 /// Reads what is known of some keys; what is not there is left out.
 type Read<V> = dyn Fn(Vec<String>) -> BoxFuture<'static, Result<HashMap<String, V>, Error>> + Send + Sync;
@@ -99,7 +104,8 @@ async fn answer<V: Clone>(mut task: Answering<V>) {
             return;
         }
         let keys: BTreeSet<String> = askers.iter().map(|(key, _)| key.clone()).collect();
-        let found = (task.shared.read)(keys.into_iter().collect()).await;
+        let found = timeout(LONGEST, (task.shared.read)(keys.into_iter().collect())).await;
+        let found = found.unwrap_or_else(|_| Err(Error::Records("no answer in time".into())));
         if found.is_err() {
             // Who came meanwhile does not wait for a second failure: that the database is away is true for them too.
             askers.append(&mut task.shared.waiting().askers);

@@ -80,7 +80,8 @@ impl Uploads {
         partials: &[String],
         pieces: &[Upload],
     ) -> Result<Option<String>, Error> {
-        let Some(made) = pieces.first().and_then(|piece| piece.part_of.as_ref()) else { return Ok(None) };
+        // Any of them: a faster request may have come between the reads of two pieces.
+        let Some(made) = pieces.iter().find_map(|piece| piece.part_of.as_ref()) else { return Ok(None) };
         let made = uploads::get(&self.intake.storage.records, tenant, made).await?;
         Ok(made.filter(|made| made.concat.partials() == partials && made.metadata == metadata).map(|made| made.id))
     }
