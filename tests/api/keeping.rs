@@ -220,7 +220,7 @@ fn reveals_nothing(answer: &Value) {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_job_whose_blob_is_gone_fails_once_and_says_whose_it_was() {
     let site = Site::start(prompt()).await;
-    let ray_set = site.ray_set().await;
+    let (ray_set, _other) = (site.ray_set().await, site.ray_set().await);
     let storage = Storage::open(&site.config.database_url(), &site.config.storage_url()).await.unwrap();
     storage.blobs.delete(&format!("ray-sets/{ray_set}/000000")).await.unwrap();
     let job = site.job(&ray_set).await;
@@ -228,6 +228,24 @@ async fn a_job_whose_blob_is_gone_fails_once_and_says_whose_it_was() {
     assert_eq!((&failed["problem"]["code"], &failed["attempt"]), (&json!("storage.blob_missing"), &json!(1)));
     assert!(failed["problem"]["detail"].as_str().unwrap().contains(&ray_set), "{failed}");
     reveals_nothing(&failed["problem"]);
+}
+
+/// As where its disk is not mounted: jobs that were accepted wait for it.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_store_that_is_empty_is_away_and_not_damaged() {
+    if crate::engines::are_shared() {
+        return;
+    }
+    let site = Site::start(prompt()).await;
+    let ray_set = site.ray_set().await;
+    let blobs = site.config.data.join("blobs");
+    fs::rename(&blobs, site.config.data.join("elsewhere")).unwrap();
+    fs::create_dir(&blobs).unwrap();
+    let job = site.job(&ray_set).await;
+    site.until(&job, |job| job["attempt"] != 0 && job["state"] == "queued").await;
+    fs::remove_dir_all(&blobs).unwrap();
+    fs::rename(site.config.data.join("elsewhere"), &blobs).unwrap();
+    site.until_state(&job, "succeeded").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -20,8 +20,9 @@ static PAGES: LazyLock<Arc<Config<'static>>> = LazyLock::new(|| Arc::new(Config:
 /// Entity tags of pages, by their names: as many as there are pages.
 static TAGS: Mutex<BTreeMap<String, String>> = Mutex::new(BTreeMap::new());
 
-/// For how long a client need not ask again for the contract, and for a page.
-const CONTRACT_LIFETIME: &str = "public, max-age=300";
+/// For how long a client need not ask again for the contract, and for a page. The contract names the path that a proxy puts before
+/// the service: no shared cache hands it to others.
+const CONTRACT_LIFETIME: &str = "private, max-age=300";
 const PAGE_LIFETIME: &str = "public, max-age=3600";
 
 /// The pages set styles inline and load nothing from elsewhere.
@@ -37,7 +38,6 @@ pub async fn contract(headers: HeaderMap) -> Result<Response, Problem> {
     };
     let etag = tag(text.as_bytes());
     let mut response = file_or_not(&headers, &etag, CONTRACT_LIFETIME, || text.into_owned().into_response())?;
-    response.headers_mut().insert(header::VARY, HeaderValue::from_static("x-forwarded-prefix"));
     if response.status() == StatusCode::OK {
         response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static("application/json"));
     }
@@ -85,7 +85,7 @@ pub async fn front() -> Redirect {
 
 /// The pages' relative links need the slash.
 pub async fn index() -> Redirect {
-    Redirect::temporary(&link("/docs/"))
+    Redirect::permanent(&link("/docs/"))
 }
 
 /// The first page.

@@ -131,10 +131,10 @@ impl Blobs {
         }
     }
 
-    /// Whether a local store lacks even the folder that all keys like this one are in, as where its disk is not mounted.
-    fn is_away(&self, key: &str) -> bool {
-        let kind = key.split('/').next().unwrap_or_default();
-        self.folder.as_ref().is_some_and(|folder| !folder.join(kind).is_dir())
+    /// Whether a local store holds nothing at all, as where its disk is not mounted.
+    fn is_away(&self) -> bool {
+        let holds_nothing = |folder: &PathBuf| std::fs::read_dir(folder).map_or(true, |mut all| all.next().is_none());
+        self.folder.as_ref().is_some_and(holds_nothing)
     }
 
     /// Why the bytes up to `expected` of a blob could not be had: what the blob lacks, or else what the store said.
@@ -142,8 +142,8 @@ impl Blobs {
         let path = Path::from(key);
         // A store that does not answer has said so for long enough.
         match (timeout(LOOK, self.store.head(&path)).await, said) {
-            (Ok(Err(object_store::Error::NotFound { .. })), _) if self.is_away(key) => {
-                Error::Blobs("the folder of the object store is not there; is its disk mounted?".into())
+            (Ok(Err(object_store::Error::NotFound { .. })), _) if self.is_away() => {
+                Error::Blobs("the folder of the object store is empty; is its disk mounted?".into())
             }
             (Ok(Err(object_store::Error::NotFound { .. })), _) => Error::MissingBlob(key.to_owned()),
             (Ok(Ok(found)), _) if found.size < expected => {
