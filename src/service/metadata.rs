@@ -13,6 +13,8 @@ pub const MOST_KEYS: usize = 16;
 pub const MAX_KEY_CHARS: usize = 64;
 /// Longest value, characters.
 pub const MAX_VALUE_CHARS: usize = 512;
+/// What a value is made of, as the contract has it: no control character of Unicode.
+const NO_CONTROLS: &str = r"^[^\u0000-\u001f\u007f-\u009f]*$";
 /// Most of all keys and values together, bytes.
 pub const MOST_BYTES: usize = 4 << 10;
 
@@ -87,7 +89,7 @@ impl PartialSchema for Metadata {
     fn schema() -> RefOr<Schema> {
         let text = |object: ObjectBuilder| object.schema_type(Type::String);
         let key = text(ObjectBuilder::new()).pattern(Some(format!("^[A-Za-z0-9_.-]{{1,{MAX_KEY_CHARS}}}$"))).build();
-        let value = text(ObjectBuilder::new()).max_length(Some(MAX_VALUE_CHARS)).build();
+        let value = text(ObjectBuilder::new()).max_length(Some(MAX_VALUE_CHARS)).pattern(Some(NO_CONTROLS)).build();
         let object = ObjectBuilder::new()
             .schema_type(Type::Object)
             .description(Some(format!(
