@@ -42,6 +42,9 @@ use tower::ServiceExt;
 
 /// Longest head of a request, bytes: address and headers.
 const MAX_HEAD_BYTES: u32 = 32 << 10;
+/// Most that is read from an HTTP/1 connection at once, bytes: memory that comes and goes with every piece of an upload. What a
+/// head needs fits.
+const MAX_READ_BYTES: usize = 128 << 10;
 /// Most headers of a request.
 const MAX_HEADERS: usize = 64;
 /// Rest after the system had no connection to give.
@@ -242,7 +245,7 @@ impl Asker {
         });
         let mut builder = http1::Builder::new();
         builder.timer(TokioTimer::new()).header_read_timeout(head);
-        builder.max_headers(MAX_HEADERS).max_header_size(MAX_HEAD_BYTES as usize);
+        builder.max_headers(MAX_HEADERS).max_header_size(MAX_HEAD_BYTES as usize).max_buf_size(MAX_READ_BYTES);
         builder.keep_alive(!place.is_spare());
         let mut connection = builder.serve_connection(TokioIo::new(stream), service);
         let ended = tokio::select! {

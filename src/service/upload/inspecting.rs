@@ -13,9 +13,8 @@ use super::arriving::Arriving;
 use super::{Announcement, Error, Intake, Stored, in_query};
 use crate::pipeline::{self, Artifact, Input, Limits, Stage, Watch};
 use bytes::Bytes;
-use rayon::ThreadPoolBuilder;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use sha2::{Digest, Sha256};
-use std::io;
 use std::sync::Arc;
 use tokio::runtime::Handle;
 use tokio::sync::Semaphore;
@@ -34,12 +33,17 @@ const ARRIVALS: usize = 1;
 pub struct Places {
     stored: Arc<Semaphore>,
     arriving: Arc<Semaphore>,
+    /// Threads of their own for files that come: on shared ones they would keep others waiting for their senders. They are kept,
+    /// because the allocator keeps for every thread what its blocks once needed. `None` where the system has no threads to give.
+    arrivals: Option<Arc<ThreadPool>>,
 }
 
 impl Default for Places {
     fn default() -> Places {
         let places = |count| Arc::new(Semaphore::new(count));
-        Places { stored: places(INSPECTIONS), arriving: places(ARRIVALS) }
+        let threads = ThreadPoolBuilder::new().thread_name(|thread| format!("arrival-{thread}"));
+        let arrivals = threads.start_handler(|_| priority::lower()).build().ok().map(Arc::new);
+        Places { stored: places(INSPECTIONS), arriving: places(ARRIVALS), arrivals }
     }
 }
 
@@ -104,6 +108,7 @@ impl Intake {
     /// Begins to inspect a file of `byte_count` bytes of which nothing has come; `None` where it is to be inspected afterwards.
     pub(super) fn inspect_as_it_comes(&self, prospect: Prospect, byte_count: u64) -> Option<Inspecting> {
         let place = Arc::clone(&self.inspections.arriving).try_acquire_owned().ok()?;
+        let threads = self.inspections.arrivals.clone()?;
         let Prospect { name, declared, gone } = prospect;
         let arriving = Arc::new(Arriving::new(self.storage.blobs.clone(), byte_count, Handle::current()));
         let bytes = Arc::clone(&arriving);
@@ -114,12 +119,7 @@ impl Intake {
         let _stop = stopped.clone().drop_guard();
         let work = move || {
             let _place = place;
-            // Threads of its own: on shared ones it would keep others waiting for this file's sender.
-            let pool = ThreadPoolBuilder::new().thread_name(|thread| format!("arrival-{thread}"));
-            match pool.start_handler(|_| priority::lower()).build() {
-                Ok(pool) => pool.install(|| describe(&input, &limits, &Until(stopped))),
-                Err(error) => Err(pipeline::Error::Unreadable(io::Error::other(error))),
-            }
+            threads.install(|| describe(&input, &limits, &Until(stopped)))
         };
         let described = tokio::spawn(priority::compute("arrival", work));
         Some(Inspecting { arriving, described, _stop })
@@ -151,7 +151,8 @@ impl Intake {
             place = self.inspections.stored.acquire() => place,
             () = gone.cancelled() => return Err(pipeline::Error::Cancelled.into()),
         };
-        let work = move || describe(&input, &limits, &Until(gone)).map_err(in_query);
+        // Wholly on the shared threads: the allocator keeps for every thread what it once needed, and these stay.
+        let work = move || rayon::scope(|_| describe(&input, &limits, &Until(gone)).map_err(in_query));
         let described = priority::compute("inspect", work).await.map_err(pipeline::Error::from)?;
         self.metrics.inspected(false);
         Ok(described?)
