@@ -166,24 +166,27 @@ async fn the_place_in_the_line_tells_nothing_of_other_tenants() {
     gate.open();
 }
 
-/// Not a limit that a fast machine comes near; what is measured is printed.
+/// Both are claimed from in turns, so that what else the machine does delays both.
 #[tokio::test]
-async fn a_claim_among_ten_thousand_jobs_takes_milliseconds() {
-    let folder = tempfile::tempdir().unwrap();
-    let storage = stores(folder.path()).await;
-    let queue = queue(&storage);
+async fn a_claim_among_ten_thousand_jobs_costs_little_more_than_one_among_a_hundred() {
+    let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+    let [few, many] = [stores(folders[0].path()).await, stores(folders[1].path()).await];
     for tenant in 0..50 {
-        line(&storage, &format!("tenant-{tenant:02}"), 200, i64::from(tenant % 3), 0).await;
+        line(&few, &format!("tenant-{tenant:02}"), 2, i64::from(tenant % 3), 0).await;
+        line(&many, &format!("tenant-{tenant:02}"), 200, i64::from(tenant % 3), 0).await;
     }
-    let mut times = Vec::new();
-    for slot in 0..200 {
-        let start = Instant::now();
-        assert!(claim(&queue, slot).await.is_some());
-        times.push(start.elapsed());
+    let mut times = [Vec::new(), Vec::new()];
+    for slot in 0..100 {
+        for (storage, times) in [&few, &many].into_iter().zip(&mut times) {
+            let start = Instant::now();
+            assert!(claim(&queue(storage), slot).await.is_some());
+            times.push(start.elapsed());
+        }
     }
-    times.sort();
-    println!("a claim among 10 000 jobs of 50 tenants: median {:?}, p99 {:?}", times[100], times[197]);
-    assert!(times[100] < Duration::from_secs(5), "{:?}", times[100]);
+    times.iter_mut().for_each(|times| times.sort());
+    let [few, many] = times.map(|times| times[50]);
+    println!("a claim, median: among 100 jobs {few:?}, among 10 000 {many:?}");
+    assert!(many < few * 10, "{many:?} among 10 000 jobs, {few:?} among 100");
 }
 
 #[tokio::test(flavor = "multi_thread")]

