@@ -64,7 +64,7 @@ use super::webhooks::{EndedJob, Message};
 use access::{RATE_LIMIT, RATE_LIMIT_POLICY, needs, needs_one_of, needs_only};
 use admission::{admit, admit_but_waiting, can_be_full, kept, patient, roomy};
 use axum::extract::Request;
-use axum::http::{HeaderName, HeaderValue, Method, Uri, header};
+use axum::http::{HeaderName, HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Extension, Router, middleware};
@@ -77,6 +77,7 @@ use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 use tower::ServiceBuilder;
 use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::classify::ServerErrorsFailureClass;
 use tower_http::cors::{AllowHeaders, AllowOrigin, CorsLayer};
 use tower_http::request_id::{MakeRequestId, PropagateRequestIdLayer, RequestId, SetRequestIdLayer};
 use tower_http::set_header::SetResponseHeaderLayer;
@@ -266,7 +267,7 @@ pub fn health_router(api: Api) -> Router {
 fn dressed(router: Router<Api>, api: Api) -> Router {
     let layers = ServiceBuilder::new()
         .layer(SetRequestIdLayer::new(REQUEST_ID, NewRequestId))
-        .layer(TraceLayer::new_for_http().make_span_with(span))
+        .layer(TraceLayer::new_for_http().make_span_with(span).on_failure(failed))
         .layer(PropagateRequestIdLayer::new(REQUEST_ID))
         .layer(middleware::from_fn(compression::tagged))
         .layer(compression::layer())
@@ -321,6 +322,16 @@ fn span(request: &Request) -> tracing::Span {
     let (method, path) = (request.method(), request.uri().path());
     let (tenant, key) = (tracing::field::Empty, tracing::field::Empty);
     tracing::info_span!("request", %method, path, id, peer, tenant, key)
+}
+
+/// Logs an answer that is not the client's fault. 503 and 507 tell it to come again: the service stops, is busy or has no room.
+fn failed(failure: ServerErrorsFailureClass, took: Duration, _: &tracing::Span) {
+    match failure {
+        ServerErrorsFailureClass::StatusCode(
+            status @ (StatusCode::SERVICE_UNAVAILABLE | StatusCode::INSUFFICIENT_STORAGE),
+        ) => tracing::warn!(%status, ?took, "a request was refused for now"),
+        failure => tracing::error!(%failure, ?took, "a request failed"),
+    }
 }
 
 /// What pages of other origins may do, if any may.
