@@ -100,8 +100,8 @@ pub fn all(file: &Path) -> [PathBuf; 3] {
     })
 }
 
-/// Sees that the database at `url` can be opened; makes an empty file for a new one, so that it is closed to others from the
-/// beginning. SQLite gives its other files the same mode.
+/// Sees that the database at `url` can be opened; makes an empty file for a new one, and the folders above it, so that they are
+/// closed to others from the beginning. SQLite gives its other files the same mode.
 ///
 /// # Errors
 /// [`Unusable`].
@@ -118,7 +118,9 @@ pub fn prepare(url: &str) -> Result<(), Unusable> {
             Err(Unusable::Missing(file))
         }
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
-            private::open_file(&file).map(drop).map_err(|error| Unusable::Disk { path: file, error })
+            let folder = file.parent().map_or(Ok(()), private::make_folder);
+            let made = folder.and_then(|()| private::open_file(&file));
+            made.map(drop).map_err(|error| Unusable::Disk { path: file, error })
         }
         Err(error) => Err(Unusable::Disk { path: file, error }),
     }
@@ -151,5 +153,21 @@ mod tests {
         ] {
             assert_eq!(path(url), file.map(PathBuf::from), "{url}");
         }
+    }
+
+    /// As where the blobs are on S3, and nothing has made the data folder yet.
+    #[test]
+    fn a_new_database_is_made_with_the_folders_above_it_closed_to_others() {
+        use std::os::unix::fs::PermissionsExt;
+        let place = tempfile::tempdir().unwrap();
+        let file = place.path().join("new/data/service.db");
+        prepare(&url(&file)).unwrap();
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+        assert_eq!((mode(&file), mode(file.parent().unwrap())), (0o600, 0o700));
+        let missing = place.path().join("other/service.db");
+        let found = prepare(&url(&missing).replace("rwc", "rw"));
+        assert!(
+            matches!(found, Err(Unusable::Missing(path)) if path == missing && !place.path().join("other").exists())
+        );
     }
 }
