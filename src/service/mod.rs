@@ -73,7 +73,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 use storage::space::Space;
-use storage::{Storage, endings, garbage, private};
+use storage::{Storage, endings, garbage, owner, private};
 use tokio::io::AsyncRead;
 use tokio::net::TcpListener;
 use tokio::task::{JoinError, JoinSet};
@@ -259,7 +259,7 @@ impl Service {
             limits,
             buffers: Buffers::default(),
             digests: Digests::new()?,
-            inspections: Places::default(),
+            inspections: Places::new()?,
             metrics: metrics.clone(),
         };
         Ok(Api::new(Services {
@@ -422,7 +422,12 @@ async fn collect_garbage(storage: Storage, config: Config, mut told: usize) {
     ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         ticker.tick().await;
-        match garbage::collect(&storage, config.garbage_age).await {
+        // Before anything is deleted, each time: the store may have been away until now.
+        let collected = async {
+            owner::check(&storage).await?;
+            garbage::collect(&storage, config.garbage_age).await
+        };
+        match collected.await {
             Ok(collected) => told = collected.log_left_alone(told),
             Err(error) => tracing::warn!(%error, "cannot look for garbage; trying again later"),
         }
@@ -437,6 +442,11 @@ async fn open(config: &Config) -> Result<(Option<File>, Storage), StartError> {
         backup::begin_to_serve(&config.data).map_err(failed)?;
     }
     let storage = Storage::open(&config.database_url(), &config.storage_url()).await?;
+    match owner::check(&storage).await {
+        Err(error @ storage::Error::Unusable(_)) => return Err(error.into()),
+        Err(error) => tracing::warn!(%error, "cannot see yet whether the object store belongs to this database"),
+        Ok(()) => {}
+    }
     // Not before it is known that they are ours.
     private::Closed::of_service(&config.data, &config.database_url(), &config.storage_url()).log();
     Ok((lock, storage))

@@ -72,12 +72,12 @@ pub async fn compute<T: Send + 'static>(name: &str, work: impl FnOnce() -> T + S
     }
 }
 
-/// Makes the pool of threads that rayon gives to whoever brings none, that of an inspection, one of lower priority. Once per
-/// process, before the first inspection; a pool that is there already stays as it is.
+/// Makes the pool of threads that rayon gives to whoever brings none one of lower priority. Once per process, before its first
+/// use; a pool that is there already stays as it is.
 pub fn lower_shared_pool() {
-    let named = |thread: usize| format!("inspect-{thread}");
+    let named = |thread: usize| format!("shared-{thread}");
     if let Err(error) = rayon::ThreadPoolBuilder::new().thread_name(named).start_handler(|_| lower()).build_global() {
-        tracing::debug!(%error, "the threads that inspect keep their priority");
+        tracing::debug!(%error, "shared computing threads keep their priority");
     }
 }
 

@@ -5,10 +5,11 @@ use crate::runners::{failing, prompt};
 use crate::site::Site;
 use axum::http::StatusCode;
 use lampwright::pipeline;
-use lampwright::service::Config;
 use lampwright::service::backup::backup;
-use lampwright::service::storage::Storage;
+use lampwright::service::storage::database_file::{self, Unusable};
 use lampwright::service::storage::records::sql;
+use lampwright::service::storage::{self, Storage};
+use lampwright::service::{Config, Service, StartError};
 use serde_json::{Value, json};
 use std::fs;
 use std::os::unix::fs::{PermissionsExt, symlink};
@@ -110,7 +111,7 @@ async fn a_backup_takes_an_empty_folder_or_an_earlier_backup_and_no_other() {
     let base = site.folder.path().to_owned();
     // A folder of somebody's, another service's data folder, files that merely have our names.
     let other = Config { data: base.join("other"), ..site.config.clone() };
-    drop(lampwright::service::Service::start_with(other.clone(), prompt()).await.unwrap());
+    drop(Service::start_with(other.clone(), prompt()).await.unwrap());
     for (folder, file) in [("letters", "letter.txt"), ("rows", "service.db"), ("locked", "lock"), ("deep", "blobs/x/y")]
     {
         let file = base.join(folder).join(file);
@@ -124,7 +125,7 @@ async fn a_backup_takes_an_empty_folder_or_an_earlier_backup_and_no_other() {
     }
     fs::write(base.join("mixed/letter.txt"), "somebody's").unwrap();
     let served = Config { data: base.join("served"), ..site.config.clone() };
-    drop(lampwright::service::Service::start_with(served, prompt()).await.unwrap());
+    drop(Service::start_with(served, prompt()).await.unwrap());
     tokio::time::sleep(Duration::from_millis(50)).await;
     for folder in ["letters", "rows", "locked", "deep", "file", "other", "mixed", "served"] {
         let to = base.join(folder);
@@ -207,6 +208,47 @@ async fn the_collector_deletes_what_the_service_wrote_and_nothing_else() {
     if local.is_some() {
         assert_eq!((on_disk(&half), on_disk(&odd)), (0, odd.len()));
     }
+}
+
+/// As with a misspelt path of the database, or with its disk not mounted.
+#[tokio::test(flavor = "multi_thread")]
+async fn blobs_of_another_database_are_not_taken_for_garbage() {
+    let mut site = Site::start(prompt()).await;
+    let part = format!("ray-sets/{}/000000", site.ray_set().await);
+    site.kill().await;
+    let right = site.config.clone();
+    let blobs = Storage::open(&right.database_url(), &right.storage_url()).await.unwrap().blobs;
+    let elsewhere = database_file::url(&site.folder.path().join("elsewhere/service.db"));
+    let wrong = Config { database_url: Some(elsewhere), storage_url: Some(right.storage_url()), ..right };
+    for is_marked in [true, false] {
+        if !is_marked {
+            // As older versions leave it.
+            blobs.delete("database").await.unwrap();
+        }
+        let refused = Service::start_with(wrong.clone(), prompt()).await.err().unwrap();
+        let is_told = matches!(refused, StartError::Storage(storage::Error::Unusable(Unusable::OtherBlobs)));
+        assert!(is_told, "{is_marked}: {refused}");
+        assert!(blobs.whole(&part).await.unwrap().is_some(), "{is_marked}");
+    }
+    site.restart(prompt()).await;
+    assert!(blobs.whole("database").await.unwrap().is_some(), "its own database marks it again");
+    assert!(blobs.whole(&part).await.unwrap().is_some());
+}
+
+/// What would be written now would be on another disk, and the store would not seem away any more.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_store_that_is_not_mounted_is_not_marked() {
+    let mut site = Site::start(prompt()).await;
+    if !site.config.is_alone() {
+        return;
+    }
+    site.ray_set().await;
+    site.kill().await;
+    let (blobs, mounted) = (site.config.data.join("blobs"), site.config.data.join("mounted"));
+    fs::rename(&blobs, &mounted).unwrap();
+    fs::create_dir(&blobs).unwrap();
+    site.restart(prompt()).await;
+    assert_eq!(tree(&blobs), Vec::<PathBuf>::new());
 }
 
 /// Nothing of the server's inside, wherever it stands in an answer.

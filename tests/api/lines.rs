@@ -175,11 +175,11 @@ async fn a_claim_among_ten_thousand_jobs_costs_little_more_than_one_among_a_hund
         line(&few, &format!("tenant-{tenant:02}"), 2, i64::from(tenant % 3), 0).await;
         line(&many, &format!("tenant-{tenant:02}"), 200, i64::from(tenant % 3), 0).await;
     }
-    let mut times = [Vec::new(), Vec::new()];
+    let (queues, mut times) = ([queue(&few), queue(&many)], [Vec::new(), Vec::new()]);
     for slot in 0..100 {
-        for (storage, times) in [&few, &many].into_iter().zip(&mut times) {
+        for (queue, times) in queues.iter().zip(&mut times) {
             let start = Instant::now();
-            assert!(claim(&queue(storage), slot).await.is_some());
+            assert!(claim(queue, slot).await.is_some());
             times.push(start.elapsed());
         }
     }

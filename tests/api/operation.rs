@@ -51,7 +51,7 @@ async fn it_says_that_its_store_is_gone() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn it_answers_at_once_while_jobs_use_every_core() {
+async fn it_answers_while_jobs_use_every_core() {
     let gate = Gate::new();
     let cores = std::thread::available_parallelism().unwrap().get();
     let busy = |config: Config| Config { concurrency: 2, threads: cores, ..config };
@@ -73,8 +73,8 @@ async fn it_answers_at_once_while_jobs_use_every_core() {
     for _ in 0..200 {
         let asked = Instant::now();
         // The jobs last until the gate opens: an answer that waits for one of them never comes.
-        let answer = tokio::time::timeout(Duration::from_secs(60), over_tcp(address, HEALTH)).await;
-        let response = answer.unwrap().unwrap();
+        let answer = tokio::time::timeout(PATIENCE, over_tcp(address, HEALTH)).await;
+        let response = answer.expect("an answer waited for a job").unwrap();
         times.push(asked.elapsed());
         assert!(response.starts_with("HTTP/1.1 200"), "{response}");
         tokio::time::sleep(Duration::from_millis(2)).await;

@@ -13,11 +13,11 @@ use lampwright::service::jobs::channels::FileDeclaration;
 use lampwright::service::jobs::worker::Runner;
 use lampwright::service::metadata::Metadata;
 use lampwright::service::pace::Slowest;
-use lampwright::service::storage::Storage;
 use lampwright::service::storage::blobs::Blobs;
 use lampwright::service::storage::inspections::Inspection;
 use lampwright::service::storage::ray_sets::{self, Draft};
 use lampwright::service::storage::records::{Records, Row, Statement};
+use lampwright::service::storage::{Storage, owner};
 use lampwright::service::{Config, Service};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -322,11 +322,12 @@ impl Site {
         }
     }
 
-    /// Every key in the object store, in order.
+    /// Every key in the object store, in order, but the one that names its database.
     pub fn blobs(&self) -> Vec<String> {
         let store = Blobs::open(&self.config.storage_url()).unwrap();
         let listed = tokio::task::block_in_place(|| tokio::runtime::Handle::current().block_on(store.list("")));
         let mut keys: Vec<String> = listed.unwrap().into_iter().map(|blob| blob.key).collect();
+        keys.retain(|key| key != owner::KEY);
         keys.sort();
         keys
     }

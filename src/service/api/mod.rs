@@ -324,7 +324,8 @@ fn span(request: &Request) -> tracing::Span {
     tracing::info_span!("request", %method, path, id, peer, tenant, key)
 }
 
-/// Logs an answer that is not the client's fault. 503 and 507 tell it to come again: the service stops, is busy or has no room.
+/// Logs an answer with a status of 5xx. 503 and 507 are refusals for now: the service stops, is busy or has no room, or a store does
+/// not answer, which is logged as an error where it is found.
 fn failed(failure: ServerErrorsFailureClass, took: Duration, _: &tracing::Span) {
     match failure {
         ServerErrorsFailureClass::StatusCode(

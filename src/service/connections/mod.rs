@@ -42,9 +42,10 @@ use tower::ServiceExt;
 
 /// Longest head of a request, bytes: address and headers.
 const MAX_HEAD_BYTES: u32 = 32 << 10;
-/// Most that is read from an HTTP/1 connection at once, bytes: memory that comes and goes with every piece of an upload. What a
-/// head needs fits.
-const MAX_READ_BYTES: usize = 128 << 10;
+/// Most that is kept of an HTTP/1 connection in each direction, bytes. The library's own bound, about 400 KiB, would be allocated
+/// again for every piece of an upload.
+const MAX_BUFFER_BYTES: usize = 128 << 10;
+const _: () = assert!(MAX_BUFFER_BYTES > MAX_HEAD_BYTES as usize, "a head must fit");
 /// Most headers of a request.
 const MAX_HEADERS: usize = 64;
 /// Rest after the system had no connection to give.
@@ -245,7 +246,7 @@ impl Asker {
         });
         let mut builder = http1::Builder::new();
         builder.timer(TokioTimer::new()).header_read_timeout(head);
-        builder.max_headers(MAX_HEADERS).max_header_size(MAX_HEAD_BYTES as usize).max_buf_size(MAX_READ_BYTES);
+        builder.max_headers(MAX_HEADERS).max_header_size(MAX_HEAD_BYTES as usize).max_buf_size(MAX_BUFFER_BYTES);
         builder.keep_alive(!place.is_spare());
         let mut connection = builder.serve_connection(TokioIo::new(stream), service);
         let ended = tokio::select! {

@@ -37,6 +37,9 @@ pub enum Unusable {
         /// The last one that it knows.
         known: i64,
     },
+    /// The blobs in the object store are named by the rows of another one.
+    #[error("the object store belongs to another database")]
+    OtherBlobs,
     /// The file cannot be looked at or made.
     #[error("{}: {error}", path.display())]
     Disk {
@@ -55,6 +58,7 @@ impl Unusable {
             Unusable::Foreign(_) => "storage.foreign_database",
             Unusable::Missing(_) => "storage.no_database",
             Unusable::Newer { .. } => "storage.newer_database",
+            Unusable::OtherBlobs => "storage.other_database",
             Unusable::Disk { .. } => "storage.database_file",
         }
     }
@@ -70,6 +74,10 @@ impl Unusable {
                 "Name the right file with --database-url; with mode=rwc in place of mode=rw it is made."
             }
             Unusable::Newer { .. } => "Start the newer version, or restore a backup from before it was first started.",
+            Unusable::OtherBlobs => {
+                "Name the database that was used with this store before, with --database-url or --data; or an empty store, with \
+                 --storage-url."
+            }
             Unusable::Disk { .. } => "See to the permissions of the file and of the folders above it.",
         }
     }
@@ -163,7 +171,8 @@ mod tests {
         let file = place.path().join("new/data/service.db");
         prepare(&url(&file)).unwrap();
         let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
-        assert_eq!((mode(&file), mode(file.parent().unwrap())), (0o600, 0o700));
+        let folders = file.ancestors().skip(1).take(2).map(mode);
+        assert_eq!((mode(&file), folders.collect::<Vec<_>>()), (0o600, vec![0o700; 2]));
         let missing = place.path().join("other/service.db");
         let found = prepare(&url(&missing).replace("rwc", "rw"));
         assert!(

@@ -3,7 +3,7 @@
 
 use super::blobs::Listed;
 use super::records::sql;
-use super::{Error, FOLDERS, Storage, is_key, job_folder};
+use super::{Error, FOLDERS, Storage, is_key, job_folder, owner};
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::time::Duration;
 
@@ -33,7 +33,7 @@ pub async fn collect(storage: &Storage, age: Duration) -> Result<Collected, Erro
     }
     let (ours, strange): (Vec<Listed>, Vec<Listed>) = listed.into_iter().partition(|blob| is_key(&blob.key));
     let mut left_alone: Vec<String> = strange.into_iter().map(|blob| blob.key).collect();
-    match storage.blobs.beside(&FOLDERS).await {
+    match storage.blobs.beside(&[&FOLDERS[..], &[owner::KEY]].concat()).await {
         Ok(beside) => left_alone.extend(beside),
         // Only to be told: a name that is no key is no reason to collect nothing.
         Err(error) => tracing::debug!(%error, "cannot see what else is in the object store"),
@@ -99,7 +99,7 @@ fn folder(key: &str) -> &str {
 }
 
 /// Every key that a row names.
-async fn named(storage: &Storage) -> Result<HashSet<String>, Error> {
+pub(super) async fn named(storage: &Storage) -> Result<HashSet<String>, Error> {
     let select = "SELECT blob FROM parts UNION ALL SELECT blob FROM artifacts UNION ALL SELECT blob FROM upload_parts";
     let rows = storage.records.read(sql(select)).await?;
     rows.iter().map(|row| row.text("blob")).collect()

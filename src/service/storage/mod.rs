@@ -26,6 +26,8 @@ pub mod joining;
 pub mod inspections;
 /// Room on local disks.
 pub mod space;
+/// Which database a store's blobs belong to.
+pub mod owner;
 /// Blobs that no row names.
 pub mod garbage;
 /// Rows of spectra.

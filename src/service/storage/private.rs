@@ -1,7 +1,7 @@
 //! Files and folders that no other user of the machine may read: what lies on local disks is what tenants have sent, and what
 //! was computed from it. New ones are made so, whatever the umask says; older ones that are open to others are closed.
 
-use super::database_file;
+use super::{database_file, owner};
 use std::fs::{self, DirBuilder, File, OpenOptions, Permissions};
 use std::io;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
@@ -79,6 +79,7 @@ impl Closed {
         }
         if let Some(blobs) = storage_url.strip_prefix("file:").map(Path::new) {
             closed.close(blobs);
+            closed.close(&blobs.join(owner::KEY));
             for folder in super::FOLDERS {
                 closed.close_tree(&blobs.join(folder));
             }

@@ -13,37 +13,97 @@ use super::arriving::Arriving;
 use super::{Announcement, Error, Intake, Stored, in_query};
 use crate::pipeline::{self, Artifact, Input, Limits, Stage, Watch};
 use bytes::Bytes;
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use sha2::{Digest, Sha256};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::runtime::Handle;
-use tokio::sync::Semaphore;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::task::JoinHandle;
 use tokio_util::sync::{CancellationToken, DropGuard};
 
-/// Files read to their end at once after they have come: each holds the blocks that its threads read, and all threads work on
-/// each.
+/// Files read to their end at once after they have come: each holds the blocks that its threads read.
 const INSPECTIONS: usize = 2;
-/// Files inspected at once while they come, by all threads too. Where several come at once the processors are busy anyway, and
-/// each would need its memory. A place of its own: a long upload keeps it as long as it comes, and others must not wait for that.
+/// Files inspected at once while they come. Where several come at once the processors are busy anyway, and each would need its
+/// memory. A place of its own: a long upload keeps it as long as it comes, and others must not wait for that.
 const ARRIVALS: usize = 1;
 
 /// Places for files that are read to their end. Cheap to clone.
 #[derive(Clone)]
 pub struct Places {
-    stored: Arc<Semaphore>,
-    arriving: Arc<Semaphore>,
-    /// Threads of their own for files that come: on shared ones they would keep others waiting for their senders. They are kept,
-    /// because the allocator keeps for every thread what its blocks once needed. `None` where the system has no threads to give.
-    arrivals: Option<Arc<ThreadPool>>,
+    stored: Kind,
+    arriving: Kind,
 }
 
-impl Default for Places {
-    fn default() -> Places {
-        let places = |count| Arc::new(Semaphore::new(count));
-        let threads = ThreadPoolBuilder::new().thread_name(|thread| format!("arrival-{thread}"));
-        let arrivals = threads.start_handler(|_| priority::lower()).build().ok().map(Arc::new);
-        Places { stored: places(INSPECTIONS), arriving: places(ARRIVALS), arrivals }
+/// Places of one kind.
+#[derive(Clone)]
+struct Kind {
+    free: Arc<Semaphore>,
+    /// The threads of free places, one per processor and place: no file waits for another one's sender or store. They are kept,
+    /// because the allocator keeps for every thread what it once needed.
+    threads: Arc<Mutex<Vec<ThreadPool>>>,
+}
+
+/// A place for one file. Dropped, it is free.
+struct Place {
+    kind: Kind,
+    threads: Option<ThreadPool>,
+    _taken: OwnedSemaphorePermit,
+}
+
+impl Places {
+    /// All of them free.
+    ///
+    /// # Errors
+    /// The system has no threads to give.
+    pub fn new() -> Result<Places, ThreadPoolBuildError> {
+        Ok(Places { stored: Kind::new("inspect", INSPECTIONS)?, arriving: Kind::new("arrival", ARRIVALS)? })
+    }
+}
+
+impl Kind {
+    fn new(name: &str, places: usize) -> Result<Kind, ThreadPoolBuildError> {
+        let threads = |place: usize| {
+            let name = name.to_owned();
+            let pool = ThreadPoolBuilder::new().thread_name(move |thread| format!("{name}-{place}-{thread}"));
+            pool.start_handler(|_| priority::lower()).build()
+        };
+        let threads = (0..places).map(threads).collect::<Result<_, _>>()?;
+        Ok(Kind { free: Arc::new(Semaphore::new(places)), threads: Arc::new(Mutex::new(threads)) })
+    }
+
+    /// A place that is free now.
+    fn free(&self) -> Option<Place> {
+        Some(self.place(Arc::clone(&self.free).try_acquire_owned().ok()?))
+    }
+
+    /// A place, as soon as one is free.
+    async fn wait(&self) -> Option<Place> {
+        Some(self.place(Arc::clone(&self.free).acquire_owned().await.ok()?))
+    }
+
+    fn place(&self, taken: OwnedSemaphorePermit) -> Place {
+        Place { kind: self.clone(), threads: self.idle().pop(), _taken: taken }
+    }
+
+    fn idle(&self) -> MutexGuard<'_, Vec<ThreadPool>> {
+        self.threads.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Place {
+    /// Does `work` wholly on the threads of this place.
+    fn run<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        match &self.threads {
+            Some(threads) => threads.install(work),
+            // There are as many as there are places.
+            None => work(),
+        }
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.kind.idle().extend(self.threads.take());
     }
 }
 
@@ -107,8 +167,7 @@ impl Drop for Inspecting {
 impl Intake {
     /// Begins to inspect a file of `byte_count` bytes of which nothing has come; `None` where it is to be inspected afterwards.
     pub(super) fn inspect_as_it_comes(&self, prospect: Prospect, byte_count: u64) -> Option<Inspecting> {
-        let place = Arc::clone(&self.inspections.arriving).try_acquire_owned().ok()?;
-        let threads = self.inspections.arrivals.clone()?;
+        let place = self.inspections.arriving.free()?;
         let Prospect { name, declared, gone } = prospect;
         let arriving = Arc::new(Arriving::new(self.storage.blobs.clone(), byte_count, Handle::current()));
         let bytes = Arc::clone(&arriving);
@@ -117,10 +176,7 @@ impl Intake {
             Input { name, sha256: String::new(), bytes, declared: declared.resolve().ok()?, notices: Vec::new() };
         let (stopped, limits) = (gone.child_token(), self.limits);
         let _stop = stopped.clone().drop_guard();
-        let work = move || {
-            let _place = place;
-            threads.install(|| describe(&input, &limits, &Until(stopped)))
-        };
+        let work = move || place.run(|| describe(&input, &limits, &Until(stopped)));
         let described = tokio::spawn(priority::compute("arrival", work));
         Some(Inspecting { arriving, described, _stop })
     }
@@ -146,13 +202,12 @@ impl Intake {
             notices: Vec::new(),
         };
         let limits = self.limits;
-        let _place = tokio::select! {
-            // Never closed: without a place it would go on all the same.
-            place = self.inspections.stored.acquire() => place,
-            () = gone.cancelled() => return Err(pipeline::Error::Cancelled.into()),
+        let place = tokio::select! {
+            place = self.inspections.stored.wait() => place,
+            () = gone.cancelled() => None,
         };
-        // Wholly on the shared threads: the allocator keeps for every thread what it once needed, and these stay.
-        let work = move || rayon::scope(|_| describe(&input, &limits, &Until(gone)).map_err(in_query));
+        let place = place.ok_or(pipeline::Error::Cancelled)?;
+        let work = move || place.run(|| describe(&input, &limits, &Until(gone)).map_err(in_query));
         let described = priority::compute("inspect", work).await.map_err(pipeline::Error::from)?;
         self.metrics.inspected(false);
         Ok(described?)

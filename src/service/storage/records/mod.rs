@@ -19,7 +19,7 @@ use std::io;
 use std::time::Duration;
 
 /// The schema, step by step: number, what it brought, its text. By hand, for `sqlx::migrate!` compiles all of sqlx a second time.
-const MIGRATIONS: [(i64, &str, &str); 12] = [
+const MIGRATIONS: [(i64, &str, &str); 13] = [
     (1, "first", include_str!("../migrations/0001_first.sql")),
     (2, "packed", include_str!("../migrations/0002_packed.sql")),
     (3, "channels", include_str!("../migrations/0003_channels.sql")),
@@ -32,6 +32,7 @@ const MIGRATIONS: [(i64, &str, &str); 12] = [
     (11, "concatenation", include_str!("../migrations/0011_concatenation.sql")),
     (12, "metadata", include_str!("../migrations/0012_metadata.sql")),
     (13, "probe", include_str!("../migrations/0013_probe.sql")),
+    (14, "owner", include_str!("../migrations/0014_owner.sql")),
 ];
 
 /// The words that the engines say differently.
