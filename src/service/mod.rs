@@ -77,7 +77,7 @@ use storage::{Storage, endings, garbage, owner, private};
 use tokio::io::AsyncRead;
 use tokio::net::TcpListener;
 use tokio::task::{JoinError, JoinSet};
-use tokio::time::{Instant, MissedTickBehavior, interval, timeout_at};
+use tokio::time::{Instant, MissedTickBehavior, interval, timeout, timeout_at};
 use tokio_util::io::ReaderStream;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
@@ -88,6 +88,8 @@ use webhooks::dispatcher::Dispatcher;
 
 /// Longest time that running jobs get, of the grace of a stopping service, to go back to the queue.
 const GIVING_BACK: Duration = Duration::from_secs(2);
+/// Longest time for the object store to say, at the start, which database it belongs to.
+const OWNER_LOOK: Duration = Duration::from_secs(5);
 
 /// Why a service does not start.
 #[derive(Debug, thiserror::Error)]
@@ -442,10 +444,12 @@ async fn open(config: &Config) -> Result<(Option<File>, Storage), StartError> {
         backup::begin_to_serve(&config.data).map_err(failed)?;
     }
     let storage = Storage::open(&config.database_url(), &config.storage_url()).await?;
-    match owner::check(&storage).await {
-        Err(error @ storage::Error::Unusable(_)) => return Err(error.into()),
-        Err(error) => tracing::warn!(%error, "cannot see yet whether the object store belongs to this database"),
-        Ok(()) => {}
+    // Otherwise before garbage is collected: a store that is away holds up no start.
+    match timeout(OWNER_LOOK, owner::check(&storage)).await {
+        Ok(Err(error @ storage::Error::Unusable(_))) => return Err(error.into()),
+        Ok(Err(error)) => tracing::warn!(%error, "cannot see yet whether the object store belongs to this database"),
+        Err(_) => tracing::warn!("the object store has not said yet whether it belongs to this database"),
+        Ok(Ok(())) => {}
     }
     // Not before it is known that they are ours.
     private::Closed::of_service(&config.data, &config.database_url(), &config.storage_url()).log();
