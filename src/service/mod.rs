@@ -72,6 +72,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
+use storage::garbage::Collected;
 use storage::space::Space;
 use storage::{Storage, endings, garbage, owner, private};
 use tokio::io::AsyncRead;
@@ -195,7 +196,7 @@ impl Service {
             queue.give_up().await?;
             endings::recover(&storage.records).await?;
             deliveries::recover(&storage.records).await?;
-            left_alone = garbage::collect(&storage, Duration::ZERO).await?.log_left_alone(left_alone);
+            left_alone = collect(&storage, Duration::ZERO).await?.log_left_alone(left_alone);
         }
         tracing::info!(alone = lock.is_some(), role = ?config.role, "storage opened");
         let (stopping, release) = (Stopping::default(), CancellationToken::new());
@@ -424,16 +425,17 @@ async fn collect_garbage(storage: Storage, config: Config, mut told: usize) {
     ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         ticker.tick().await;
-        // Before anything is deleted, each time: the store may have been away until now.
-        let collected = async {
-            owner::check(&storage).await?;
-            garbage::collect(&storage, config.garbage_age).await
-        };
-        match collected.await {
+        match collect(&storage, config.garbage_age).await {
             Ok(collected) => told = collected.log_left_alone(told),
             Err(error) => tracing::warn!(%error, "cannot look for garbage; trying again later"),
         }
     }
+}
+
+/// Deletes what no row names. That the blobs belong to this database is seen each time before: the start may not have waited for it.
+async fn collect(storage: &Storage, age: Duration) -> Result<Collected, storage::Error> {
+    owner::check(storage).await?;
+    garbage::collect(storage, age).await
 }
 
 /// Opens the stores; where they belong to one process at a time, with the lock that keeps others out.
@@ -444,7 +446,7 @@ async fn open(config: &Config) -> Result<(Option<File>, Storage), StartError> {
         backup::begin_to_serve(&config.data).map_err(failed)?;
     }
     let storage = Storage::open(&config.database_url(), &config.storage_url()).await?;
-    // Otherwise before garbage is collected: a store that is away holds up no start.
+    // A store that is away holds up no start; garbage is not collected before it has answered.
     match timeout(OWNER_LOOK, owner::check(&storage)).await {
         Ok(Err(error @ storage::Error::Unusable(_))) => return Err(error.into()),
         Ok(Err(error)) => tracing::warn!(%error, "cannot see yet whether the object store belongs to this database"),

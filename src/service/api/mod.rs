@@ -324,13 +324,13 @@ fn span(request: &Request) -> tracing::Span {
     tracing::info_span!("request", %method, path, id, peer, tenant, key)
 }
 
-/// Logs an answer with a status of 5xx. 503 and 507 are refusals for now: the service stops, is busy or has no room, or a store does
-/// not answer, which is logged as an error where it is found.
+/// Logs an answer with a status of 5xx. 503 and 507 refuse what may succeed later: the service stops, is busy or has no room, or a store
+/// does not answer, which is logged as an error where it is found.
 fn failed(failure: ServerErrorsFailureClass, took: Duration, _: &tracing::Span) {
     match failure {
         ServerErrorsFailureClass::StatusCode(
             status @ (StatusCode::SERVICE_UNAVAILABLE | StatusCode::INSUFFICIENT_STORAGE),
-        ) => tracing::warn!(%status, ?took, "a request was refused for now"),
+        ) => tracing::warn!(%status, ?took, "a request was refused that may succeed later"),
         failure => tracing::error!(%failure, ?took, "a request failed"),
     }
 }

@@ -175,8 +175,7 @@ mod tests {
         assert_eq!((mode(&file), folders.collect::<Vec<_>>()), (0o600, vec![0o700; 2]));
         let missing = place.path().join("other/service.db");
         let found = prepare(&url(&missing).replace("rwc", "rw"));
-        assert!(
-            matches!(found, Err(Unusable::Missing(path)) if path == missing && !place.path().join("other").exists())
-        );
+        assert!(matches!(&found, Err(Unusable::Missing(path)) if *path == missing), "{found:?}");
+        assert!(!place.path().join("other").exists());
     }
 }
