@@ -7,15 +7,17 @@ FROM ${RUST_IMAGE} AS build
 WORKDIR /build
 # The dependencies are a layer of their own, which only the manifests change: empty sources stand in for ours, and for the
 # targets of tests, which Cargo wants to exist.
-COPY Cargo.toml Cargo.lock build.rs ./
+COPY Cargo.toml Cargo.lock ./
 COPY src/pipeline/Cargo.toml src/pipeline/Cargo.toml
-RUN touch src/lib.rs src/pipeline/mod.rs && echo 'fn main() {}' >src/main.rs \
+COPY src/service/Cargo.toml src/service/build.rs src/service/
+COPY tests/support/Cargo.toml tests/support/Cargo.toml
+RUN touch src/pipeline/lib.rs src/service/lib.rs tests/support/lib.rs && echo 'fn main() {}' >src/main.rs \
     && sed -n 's/^path = "\(tests\/.*\)"/\1/p' Cargo.toml | while read -r target; do \
         mkdir -p "$(dirname "$target")" && touch "$target"; done \
     && cargo build --release --locked
 COPY src src
 # Cargo goes by the time of a change, and a checkout may be older than the layer above.
-RUN find build.rs src -type f -exec touch {} + && cargo build --release --locked \
+RUN find src -type f -exec touch {} + && cargo build --release --locked \
     && cp target/release/lampwright /lampwright && mkdir /data
 
 # No shell, no package manager. The service runs as user 65532 (nonroot) and writes to /data only: a folder of the host that is

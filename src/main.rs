@@ -1,9 +1,9 @@
 //! The command line: reads arguments and nothing else. `lampwright --help` is its documentation.
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use lampwright::command::{
-    Failure, backup, build, convert, environment, health, inspect, keys, openapi, sample, serve, tenants,
-};
+mod command;
+
+use command::{Failure, backup, build, convert, environment, health, inspect, keys, openapi, sample, serve, tenants};
 use std::process::ExitCode;
 
 /// Turns a light source's ray file into a continuous source model: hull mesh with spectra, zonal goniograms, IES files.

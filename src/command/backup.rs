@@ -1,11 +1,14 @@
 //! `backup`: a copy of everything a service keeps, taken while it runs.
 
-use super::stores::{self, Stores};
-use super::table::count;
-use super::{Failure, output};
-use crate::service::backup::{self, Error};
-use crate::service::storage;
+use super::stores;
+use super::stores::Stores;
+use super::terminal::failure::Failure;
+use super::terminal::output;
+use super::terminal::table::count;
 use clap::Args;
+use service::storage;
+use service::upkeep::backup;
+use service::upkeep::backup::error::Error;
 use std::path::PathBuf;
 
 /// Arguments of `backup`.

@@ -1,18 +1,22 @@
 //! `build`: the pipeline without a server. Ray files in, a folder of artifacts and a closing table out.
 
-use super::declaration::{self, ChannelFile};
+use super::channel_argument;
+use super::channel_argument::ChannelFile;
 use super::inspect::notice_rows;
-use super::progress::Progress;
-use super::table::{Table, count, flux, number, percent, triple};
-use super::{Failure, argument, measure, output};
-use crate::pipeline::artifacts::{IesEdition, Spectra, zip};
-use crate::pipeline::flux::balance::Share;
-use crate::pipeline::hull::Label;
-use crate::pipeline::model::{Model, Origin};
-use crate::pipeline::vocabulary::space::Axis;
-use crate::pipeline::vocabulary::spectrum::Bands;
-use crate::pipeline::{Declared, Input, Limits, Options, Outcome, Stage, Total};
+use super::terminal::failure::Failure;
+use super::terminal::progress::Progress;
+use super::terminal::table::{Table, count, flux, number, percent, triple};
+use super::terminal::{argument, measure, output};
 use clap::{Args, ValueEnum};
+use pipeline::artifacts::zip;
+use pipeline::flux::balance::Share;
+use pipeline::hull::Label;
+use pipeline::model::Model;
+use pipeline::model::channel::Origin;
+use pipeline::options::{IesEdition, Spectra};
+use pipeline::vocabulary::space::Axis;
+use pipeline::vocabulary::spectrum::Bands;
+use pipeline::{Declared, Input, Limits, Options, Outcome, Stage, Total};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -22,10 +26,10 @@ use std::time::Duration;
 pub struct Arguments {
     /// Ray files of one source, in one frame; packed ones too, FILE:MEMBER where a zip holds several. What follows a comma goes
     /// before the file's own word.
-    #[arg(required = true, value_name = "FILE[,KEY=VALUE]..", value_parser = declaration::channel, long_help = declaration::HELP)]
+    #[arg(required = true, value_name = "FILE[,KEY=VALUE]..", value_parser = channel_argument::channel, long_help = channel_argument::HELP)]
     files: Vec<ChannelFile>,
     /// Total flux of the source, of which every file has a share, as 1.2W or 337lm.
-    #[arg(long, value_name = "FLUX", value_parser = declaration::total)]
+    #[arg(long, value_name = "FLUX", value_parser = channel_argument::total)]
     total: Option<Total>,
     /// Folder for the results; made if missing, and must be empty.
     #[arg(short, long, value_name = "DIR")]
@@ -132,8 +136,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     make_empty(folder)?;
     let inputs = arguments.files.iter().map(ChannelFile::open).collect::<Result<Vec<Input>, Failure>>()?;
     let progress = Progress::start();
-    let outcome =
-        on_threads(arguments.threads, || crate::pipeline::run(&inputs, &options, &Limits::default(), &progress))?;
+    let outcome = on_threads(arguments.threads, || pipeline::run(&inputs, &options, &Limits::default(), &progress))?;
     let times = progress.finish();
     let outcome = outcome.map_err(|error| Failure::from(error).at(names(&inputs)))?;
     write(folder, &outcome)?;

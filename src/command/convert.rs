@@ -1,23 +1,26 @@
 //! `convert`: a ray file as another, for programs that read only one of them.
 
-use super::declaration::{self, ChannelFile};
+use super::channel_argument;
+use super::channel_argument::ChannelFile;
 use super::inspect::notice_rows;
-use super::progress::Progress;
-use super::table::{Table, count, flux};
-use super::{Failure, output};
-use crate::pipeline::rays::convert::{self, Converted, Failed, Target};
-use crate::pipeline::vocabulary::watch::StageWatch;
-use crate::pipeline::{Input, Limits, Stage};
+use super::terminal::failure::Failure;
+use super::terminal::output;
+use super::terminal::progress::Progress;
+use super::terminal::table::{Table, count, flux};
 use clap::{Args, ValueEnum};
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufWriter};
+use pipeline::convert::{Converted, Failed, Target};
+use pipeline::vocabulary::watch::StageWatch;
+use pipeline::{Input, Limits, Stage, convert};
+use std::fs::{File, OpenOptions};
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 /// Arguments of `convert`.
 #[derive(Args)]
 pub struct Arguments {
     /// The ray file, in any format that is read; or FILE:MEMBER of a packed one. What follows a comma goes before its own word.
-    #[arg(value_name = "FILE[,KEY=VALUE]..", value_parser = declaration::channel, long_help = declaration::HELP)]
+    #[arg(value_name = "FILE[,KEY=VALUE]..", value_parser = channel_argument::channel, long_help = channel_argument::HELP)]
     file: ChannelFile,
     /// The file to write: .tm25ray is IES TM-25, .dat and .sdf are Zemax binary.
     #[arg(short, long, value_name = "FILE")]
@@ -124,7 +127,7 @@ fn summary(input: &Input, converted: &Converted, format: OutputFormat, path: &Pa
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::rays::synthetic::{by_name, write_tm25};
+    use pipeline::known_sources::{by_name, write_tm25};
 
     fn lamp(folder: &Path) -> PathBuf {
         let path = folder.join("lamp.tm25ray");
@@ -133,7 +136,7 @@ mod tests {
     }
 
     fn asked(file: &Path, output: &Path) -> Arguments {
-        let file = declaration::channel(file.to_str().unwrap()).unwrap();
+        let file = channel_argument::channel(file.to_str().unwrap()).unwrap();
         Arguments { file, output: output.to_owned(), format: None, force: false }
     }
 

@@ -1,8 +1,8 @@
 //! The variables that stand for arguments: an empty one is as if it were absent, and one that nobody reads is told, with the
 //! name that was probably meant.
 
-use super::output::visible;
 use clap::Command;
+use service::telemetry::visible;
 use std::ffi::{OsStr, OsString};
 
 /// What every variable of this program begins with, but for the few that are usual elsewhere too.
@@ -30,7 +30,7 @@ pub fn unread(command: &Command) -> Vec<String> {
 }
 
 fn unread_of(command: &Command, set: impl Iterator<Item = OsString>) -> Vec<String> {
-    let mut known = vec![crate::service::crash::VARIABLE.to_owned()];
+    let mut known = vec![service::crash::VARIABLE.to_owned()];
     collect(command, &mut known);
     let mut names: Vec<String> = set.filter_map(|name| name.into_string().ok()).collect();
     names.sort();

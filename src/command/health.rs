@@ -1,10 +1,11 @@
 //! `health`: is a running service well? Asked by the container's health check, where there is no curl.
 
-use super::Failure;
 use super::serve::reachable;
+use super::terminal::failure::Failure;
 use clap::Args;
 use std::borrow::Cow;
-use std::io::{self, Read, Write};
+use std::io;
+use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
 use std::time::Duration;
 

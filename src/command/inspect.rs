@@ -1,19 +1,21 @@
 //! `inspect`: what a file says of itself, and what its rays say. Users want these checks before they want a model.
 
-use super::declaration::{self, ChannelFile};
-use super::output::visible;
-use super::progress::Progress;
-use super::table::{Table, count, flux, number, triple};
-use super::{Failure, output};
-use crate::pipeline::{self, Header, Input, Inspection, Limits, Notice};
+use super::channel_argument;
+use super::channel_argument::ChannelFile;
+use super::terminal::failure::Failure;
+use super::terminal::output;
+use super::terminal::progress::Progress;
+use super::terminal::table::{Table, count, flux, number, triple};
 use clap::Args;
+use pipeline::{Header, Input, Inspection, Limits, Notice};
+use service::telemetry::visible;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `inspect`.
 #[derive(Args)]
 pub struct Arguments {
     /// The ray file; or a packed one: every ray file in it, or FILE:MEMBER. What follows a comma goes before its own word.
-    #[arg(value_name = "FILE[,KEY=VALUE]..", value_parser = declaration::channel, long_help = declaration::HELP)]
+    #[arg(value_name = "FILE[,KEY=VALUE]..", value_parser = channel_argument::channel, long_help = channel_argument::HELP)]
     file: ChannelFile,
     /// JSON instead of a table; one document for each ray file.
     #[arg(long)]

@@ -1,11 +1,14 @@
 //! `keys`: who may use the service. Works next to a running one, on the same database.
 
 use super::stores::Stores;
-use super::table::{Table, moment};
-use super::{Failure, measure, output};
-use crate::service::access::keys::{self, Issued, Key, NewKey};
-use crate::service::access::{DEFAULT_TENANT, Scope, tenants};
+use super::terminal::failure::Failure;
+use super::terminal::table::{Table, moment};
+use super::terminal::{measure, output};
 use clap::{Args, Subcommand};
+use service::accounts::access::DEFAULT_TENANT;
+use service::accounts::access::Scope;
+use service::accounts::keys::{Issued, Key, NewKey};
+use service::accounts::{keys, tenants};
 use std::time::Duration;
 
 /// Arguments of `keys`.

@@ -1,10 +1,12 @@
 //! `sample`: known sources as ray files, for trying things out and for judging this and other programs.
 
-use super::table::Table;
-use super::{Failure, argument, output};
-use crate::pipeline::rays::synthetic::{self, KnownSource};
-use crate::pipeline::vocabulary::space::Axis;
+use super::terminal::failure::Failure;
+use super::terminal::table::Table;
+use super::terminal::{argument, output};
 use clap::Args;
+use pipeline::known_sources;
+use pipeline::known_sources::KnownSource;
+use pipeline::vocabulary::space::Axis;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -42,7 +44,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let unknown =
         || Failure::usage("sample.unknown", "There is no such source.", "lampwright sample --list names them.");
-    let source = synthetic::by_name(name).ok_or_else(|| unknown().at(name))?.rotate(arguments.axis);
+    let source = known_sources::by_name(name).ok_or_else(|| unknown().at(name))?.rotate(arguments.axis);
     let path = arguments.output.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.tm25ray")));
     write(&source, arguments, &path).map_err(|error| Failure::disk(&path, &error))?;
     let place = path.display().to_string();
@@ -52,13 +54,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 fn write(source: &KnownSource, arguments: &Arguments, path: &Path) -> std::io::Result<()> {
     let mut file = BufWriter::new(File::create(path)?);
-    synthetic::write_tm25(source, arguments.rays, arguments.seed, &mut file)?;
+    known_sources::write_tm25(source, arguments.rays, arguments.seed, &mut file)?;
     file.flush()
 }
 
 fn catalogue() -> Table {
     let mut table = Table::default();
-    for source in synthetic::all() {
+    for source in known_sources::all() {
         table.row(source.name, [source.description.to_owned()]);
     }
     table

@@ -1,10 +1,10 @@
 //! The stores of a service, opened next to it: by the verbs that look after keys, tenants and backups.
 
-use super::Failure;
-use crate::service::Config;
-use crate::service::storage::records::Records;
-use crate::service::storage::{self, private};
+use super::terminal::failure::Failure;
 use clap::Args;
+use service::storage::private;
+use service::storage::records::Records;
+use service::{Config, storage};
 use std::path::PathBuf;
 
 /// Which service's stores are meant: the same words as for `serve`.

@@ -1,13 +1,15 @@
 //! `tenants`: who uses the service, how much, and how much they may.
 
 use super::stores::Stores;
-use super::table::{Table, count};
-use super::{Failure, measure, output};
-use crate::service::access::quota::{self, Usage};
-use crate::service::access::tenants::{self, Tenant};
-use crate::service::storage::Error;
-use crate::service::storage::records::Records;
+use super::terminal::failure::Failure;
+use super::terminal::table::{Table, count};
+use super::terminal::{measure, output};
 use clap::{Args, Subcommand};
+use service::accounts::quota::Usage;
+use service::accounts::tenants::Tenant;
+use service::accounts::{quota, tenants};
+use service::storage::error::Error;
+use service::storage::records::Records;
 
 /// Arguments of `tenants`.
 #[derive(Args)]

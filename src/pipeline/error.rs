@@ -1,5 +1,5 @@
 //! What can go wrong. Malformed, refused by policy, and asked for wrongly are different answers, each with a stable code
-//! (`stage.what`); what is merely repaired or dropped is a [`super::Notice`] instead.
+//! (`stage.what`); what is merely repaired or dropped is a [`crate::vocabulary::notice::Notice`] instead.
 
 use std::fmt;
 

@@ -4,11 +4,11 @@
 //! Nothing is known of the source's form yet: it is taken for a body that fills its box, a sphere or a cube. What was measured of
 //! hemispheres is a half to a third of what is said here, of cylinders a fifth to nearly all, of flat chips down to an eighth.
 
-use super::Options;
-use super::artifacts::Spectra;
-use super::rays::bands::{self, Reach};
-use super::rays::channels::Claims;
-use super::rays::declared::Declared;
+use crate::options::{Options, Spectra};
+use crate::rays::bands;
+use crate::rays::bands::Reach;
+use crate::source::channels::Claims;
+use crate::vocabulary::declaration::Declared;
 
 const MIB: f64 = (1 << 20) as f64;
 /// Program, readers and small things; and the chunks of rays of each thread.
@@ -61,7 +61,7 @@ pub struct MemoryNeed {
     pub thread_bytes: u64,
 }
 
-/// What [`super::run`] is expected to need.
+/// What [`crate::run`] is expected to need.
 pub fn estimate(files: &[(&Claims, &Declared)], options: &Options, threads: usize) -> MemoryNeed {
     let rays: f64 = files.iter().map(|(claims, _)| claims.ray_count as f64).sum();
     let spectrum = Spectrum::of(files, options);
@@ -131,7 +131,7 @@ impl Spectrum {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rays::declared::Column;
+    use crate::vocabulary::declaration::Column;
     use crate::vocabulary::spectrum::Table;
     use serde_json::json;
 

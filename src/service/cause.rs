@@ -1,10 +1,9 @@
 //! Whose an error is: the one place that decides it for jobs, uploads and requests. From it follow what is tried again, what the
 //! log has as a fault, and how much a client is told: everything of its own input, and of our insides nothing.
 
-use super::jobs::Failure;
-use super::priority::Lost;
-use super::{storage, upload};
-use crate::pipeline;
+use crate::failure::Failure;
+use crate::priority::Lost;
+use crate::storage;
 
 /// Where an error comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,25 +41,6 @@ impl From<&pipeline::Error> for Cause {
             // What the pipeline reads comes from a store, whoever else handed the error on.
             Error::Unreadable(_) => stored(error).map_or(Cause::StoreAway, Cause::from),
             Error::Internal(_) => Cause::Ours,
-        }
-    }
-}
-
-impl From<&upload::Error> for Cause {
-    fn from(error: &upload::Error) -> Cause {
-        use upload::Error;
-        match error {
-            Error::TooLarge(_)
-            | Error::Empty
-            | Error::Truncated(_)
-            | Error::Broken(_)
-            | Error::Slow(_)
-            | Error::Digest { .. }
-            | Error::NoRayFile(_)
-            | Error::Quota(_) => Cause::Input,
-            Error::Unfit(error) | Error::Packed(error) => Cause::from(error),
-            Error::LowSpace => Cause::StoreAway,
-            Error::Storage(error) => Cause::from(error),
         }
     }
 }

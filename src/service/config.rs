@@ -1,15 +1,12 @@
 //! What an operator may choose. Plain values: the command line reads arguments and environment into it.
 
-use super::access::quota::Quota;
-use super::connections::Bounds;
-use super::forwarded::Proxies;
-use super::jobs::shares::Shares;
-use super::machine;
-use super::outbound;
-use super::pace::Slowest;
-use super::storage::database_file;
-use super::webhooks;
-use crate::pipeline;
+use crate::accounts::quota::Quota;
+use crate::connections::Bounds;
+use crate::forwarded::Proxies;
+use crate::jobs::shares::Shares;
+use crate::ray_sets::pace::Slowest;
+use crate::storage::database_url;
+use crate::{machine, outbound, webhooks};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
@@ -185,7 +182,7 @@ impl Config {
 
     /// The local folders that are written to.
     pub fn local_folders(&self) -> Vec<PathBuf> {
-        let records = database_file::path(&self.database_url()).map(|file| match file.parent() {
+        let records = database_url::path(&self.database_url()).map(|file| match file.parent() {
             Some(folder) if folder != Path::new("") => folder.to_owned(),
             _ => PathBuf::from("."),
         });
@@ -206,7 +203,7 @@ impl Config {
 
     /// The database to open.
     pub fn database_url(&self) -> String {
-        let url = self.database_url.clone().unwrap_or_else(|| database_file::url(&self.data.join("service.db")));
+        let url = self.database_url.clone().unwrap_or_else(|| database_url::url(&self.data.join("service.db")));
         // A file that is not there is a first start.
         let bare = url.starts_with("sqlite:") && !url.contains('?');
         if bare { format!("{url}?mode=rwc") } else { url }

@@ -1,15 +1,14 @@
 //! Numbers that answer "is it stuck?", in Prometheus' words: the only file that names its client. What this process did is
 //! counted as it happens; what all processes share (the queue) is asked of the database when somebody looks.
 
-use super::jobs::State;
-use super::jobs::query::Backlog;
-use crate::pipeline::Stage;
+use pipeline::Stage;
 use prometheus_client::encoding::{EncodeLabelSet, text};
 use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
 use prometheus_client::registry::Registry;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::time::Duration;
@@ -279,8 +278,8 @@ impl Numbers {
 
     fn look(&self, backlog: &Backlog, free_bytes: Option<u64>) {
         let running = backlog.running.values().sum::<u64>();
-        for (state, count) in [(State::Queued, backlog.queued), (State::Running, running)] {
-            self.jobs.get_or_create(&InState { state: state.name() }).set(count.cast_signed());
+        for (state, count) in [("queued", backlog.queued), ("running", running)] {
+            self.jobs.get_or_create(&InState { state }).set(count.cast_signed());
         }
         for stage in std::iter::once("none").chain(Stage::ALL.map(Stage::name)) {
             let count = backlog.running.get(stage).copied().unwrap_or(0);
@@ -385,4 +384,27 @@ mod tests {
         assert!(text.contains("# TYPE lampwright_upload_bytes counter\nlampwright_upload_bytes_total 7\n"), "{text}");
         assert!(text.ends_with("# EOF\n"));
     }
+}
+
+/// What waits and what runs, in all processes together.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Backlog {
+    /// Waiting jobs.
+    pub queued: u64,
+    /// Running jobs by the stage they are in, "none" before the first.
+    pub running: BTreeMap<String, u64>,
+    /// How long the oldest waiting job has waited.
+    pub oldest_queued: Duration,
+    /// How long ago the running job that was begun first was begun.
+    pub oldest_running: Duration,
+    /// Running jobs whose lease has ended.
+    pub overdue: u64,
+    /// Tenants with waiting jobs.
+    pub tenants_waiting: u64,
+    /// Waiting jobs that need more memory than this process has; not counted by [`backlog`].
+    pub too_large: u64,
+    /// Waiting jobs of the tenant that has most.
+    pub longest_tenant_queue: u64,
+    /// Deliveries to webhooks that wait.
+    pub deliveries: u64,
 }

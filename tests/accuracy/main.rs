@@ -6,9 +6,9 @@
 #![expect(clippy::unwrap_used, reason = "what a test stumbles over is its finding")]
 
 use glam::DVec3;
-use lampwright::pipeline::model::radiance::{Evaluator, Quantity};
-use lampwright::pipeline::rays::synthetic::{KnownSource, by_name, write_tm25};
-use lampwright::pipeline::{Declared, Input, Limits, Options, Outcome, Unwatched, run};
+use pipeline::known_sources::{KnownSource, by_name, write_tm25};
+use pipeline::model::evaluation::{Evaluator, Quantity};
+use pipeline::{Declared, Input, Limits, Options, Outcome, Unwatched, run};
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 use std::sync::Arc;
 

@@ -1,17 +1,19 @@
 //! Every route of the contract is walked with keys that open nothing, keys for other things and another tenant's keys: a route
 //! that does not ask, or that asks no database whose things it tells of, fails here before anybody has thought of a test for it.
 
-use crate::runners::{Gate, held, prompt};
-use crate::site::{Reply, Site};
 use axum::body::Body;
 use axum::http::{Method, StatusCode};
-use lampwright::service::access::quota::Quota;
-use lampwright::service::access::tenants::{self, Tenant};
-use lampwright::service::access::{Scope, keys};
-use lampwright::service::api::openapi;
-use lampwright::service::storage::records::{Records, sql};
-use lampwright::service::{Config, Service, StartError};
 use serde_json::{Value, json};
+use service::accounts::access::Scope;
+use service::accounts::quota::Quota;
+use service::accounts::tenants::Tenant;
+use service::accounts::{keys, tenants};
+use service::http::openapi;
+use service::storage::records::Records;
+use service::storage::records::statement::sql;
+use service::{Config, Service, StartError};
+use support::runners::{Gate, held, prompt};
+use support::site::{Reply, Site};
 
 const NOBODY: &str = "0190b5a0-0000-7000-8000-000000000000";
 
@@ -77,7 +79,7 @@ impl Things {
             "create_webhook" => json!({ "url": NOWHERE }).to_string().into(),
             "change_webhook" => json!({ "description": "mine" }).to_string().into(),
             "ingest_ray_set" => json!({ "url": NOWHERE }).to_string().into(),
-            "upload_ray_set" => crate::rays::zemax(3).into(),
+            "upload_ray_set" => support::rays::zemax(3).into(),
             "upload_spectrum" => SPECTRUM.into(),
             "append_to_upload" => vec![0; 10].into(),
             _ => Body::empty(),
@@ -233,7 +235,7 @@ async fn another_tenant_finds_nothing_on_any_route() {
         "create_webhook",
     ];
     assert_eq!(without_id, known, "say here what these do");
-    let digest = crate::runners::sha256(&crate::rays::zemax(10));
+    let digest = support::runners::sha256(&support::rays::zemax(10));
     let mine = [format!("/v1/jobs?ray_set={}", things.ray_set), format!("/v1/ray-sets?sha256={digest}")];
     let lists = ["/v1/jobs", "/v1/ray-sets", "/v1/spectra", "/v1/uploads", "/v1/jobs?state=succeeded", "/v1/webhooks"];
     for list in lists.into_iter().chain(mine.iter().map(String::as_str)) {
@@ -294,7 +296,7 @@ async fn a_key_that_asks_too_often_waits_but_may_still_ask_for_less() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_tenant_keeps_no_more_bytes_than_its_quota() {
-    let bytes = crate::rays::zemax(10);
+    let bytes = support::rays::zemax(10);
     let size = bytes.len() as u64;
     let quota = Quota { stored_bytes: 2 * size + size / 2, ..Quota::default() };
     let mut site = Site::start_as(|config| Config { quota, ..with_keys(config) }, prompt()).await;
@@ -400,7 +402,7 @@ async fn without_keys_a_page_from_elsewhere_can_do_nothing() {
         ("host", "rebound.example:8080", "access.foreign_host"),
         ("origin", "https://evil.example", "access.foreign_origin"),
     ] {
-        let upload = site.ask(Method::POST, "/v1/ray-sets", &[(name, value)], crate::rays::zemax(3)).await;
+        let upload = site.ask(Method::POST, "/v1/ray-sets", &[(name, value)], support::rays::zemax(3)).await;
         upload.is_problem(403, code);
         site.ask(Method::GET, "/v1/jobs", &[(name, value)], Body::empty()).await.is_problem(403, code);
     }

@@ -1,16 +1,16 @@
 //! How answers are sent (compressed, under entity tags, with limits told) and under which addresses the service is reached.
 
 use crate::connections::{Listening, ROOMY, bounded};
-use crate::runners::{pattern, prompt, sha256};
-use crate::site::{Reply, Site};
 use axum::body::Body;
 use axum::http::Method;
 use flate2::read::GzDecoder;
-use lampwright::service::Config;
-use lampwright::service::access::Scope;
-use lampwright::service::forwarded::Prefix;
 use serde_json::Value;
+use service::Config;
+use service::accounts::access::Scope;
+use service::forwarded::Prefix;
 use std::io::Read;
+use support::runners::{pattern, prompt, sha256};
+use support::site::{Reply, Site};
 
 /// The artifact of [`pattern`].
 const PATTERN: &str = "artifacts/ies/total%20%22%C3%BC%22.ies";
@@ -147,7 +147,7 @@ async fn behind_a_path_every_link_begins_with_it() {
     };
     let site = Site::start_as(change, prompt()).await;
     let job = finished(&site).await;
-    let rays = crate::rays::zemax(10);
+    let rays = support::rays::zemax(10);
     let length = rays.len().to_string();
     let begun = [("tus-resumable", "1.0.0"), ("upload-length", length.as_str())];
     let upload = site.ask(Method::POST, "/v1/uploads", &begun, Body::empty()).await;
@@ -209,7 +209,7 @@ async fn a_slash_at_the_end_changes_nothing() {
     for path in paths.into_iter().chain([format!("/v1/jobs/{job}"), format!("/v1/jobs/{job}/model.zip")]) {
         assert_eq!(site.get(&format!("{path}/")).await.status, 200, "{path}/");
     }
-    let created = site.ask(Method::POST, "/v1/ray-sets/?name=led.dat", &[], crate::rays::zemax(10)).await;
+    let created = site.ask(Method::POST, "/v1/ray-sets/?name=led.dat", &[], support::rays::zemax(10)).await;
     assert_eq!((created.status.as_u16(), created.ray_set()["name"].as_str()), (201, Some("led.dat")));
     site.get("/v1/nothing/").await.is_problem(404, "request.not_found");
     assert_eq!(site.delete(&format!("/v1/jobs/{job}/")).await.status, 204);

@@ -1,9 +1,5 @@
 //! Files that are inspected while they come. Whether one is depends on how fast it comes; what is found does not.
 
-use crate::formats;
-use crate::rays;
-use crate::runners::prompt;
-use crate::site::{Reply, Site};
 use crate::upkeep::number;
 use crate::uploads::nothing_left;
 use axum::body::{Body, Bytes};
@@ -11,10 +7,13 @@ use axum::http::{Method, StatusCode};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use futures::{StreamExt, stream};
-use lampwright::service::upload::PART_BYTES;
 use serde_json::Value;
+use service::storage::parts::PART_BYTES;
 use sha2::{Digest, Sha256};
 use std::convert::Infallible;
+use support::runners::prompt;
+use support::site::{Reply, Site};
+use support::{formats, rays};
 
 /// Enough for two parts of any format: the smallest has 28 bytes per ray.
 const RAYS: u32 = 100_000;

@@ -1,15 +1,15 @@
 //! Spectra of their own, and what a client says of each channel: kept, handed to the computation, judged before anything waits.
 
-use crate::rays::zemax;
-use crate::runners::{Gate, held, prompt, sha256};
-use crate::site::Site;
 use axum::body::Body;
 use axum::http::{Method, StatusCode};
-use lampwright::pipeline::{Column, Declared, FluxOverride, LengthUnit, Quantity, Table, Total};
-use lampwright::service::jobs::worker::{Product, Runner};
-use lampwright::service::storage::records::sql;
+use pipeline::{Column, Declared, FluxOverride, LengthUnit, Quantity, Table, Total};
 use serde_json::{Value, json};
+use service::jobs::worker::{Product, Runner};
+use service::storage::records::statement::sql;
 use std::sync::{Arc, Mutex};
+use support::rays::zemax;
+use support::runners::{Gate, held, prompt, sha256};
+use support::site::Site;
 
 /// 1 W/nm at 550, falling to 0 at 540 and 560 nm.
 const TRIANGLE: &str = "wavelength [nm]; value\r\n540; 0\r\n550; 1,0\r\n560; 0\r\n";

@@ -1,20 +1,20 @@
 //! Files that come in several uploads at once: expected statuses and headers are those of the chapter "Concatenation" of tus 1.0.0.
 
-use crate::packing::zip;
-use crate::rays;
 use crate::resume::{OCTETS, VERSION, append, begin, metadata, offset};
-use crate::runners::{prompt, sha256};
-use crate::site::{Reply, Site};
 use crate::uploads::nothing_left;
 use axum::body::Body;
 use axum::http::{Method, StatusCode};
 use futures::future::join_all;
-use lampwright::service::Config;
-use lampwright::service::access::Scope;
-use lampwright::service::access::quota::Quota;
-use lampwright::service::storage::records::sql;
 use serde_json::{Value, json};
+use service::Config;
+use service::accounts::access::Scope;
+use service::accounts::quota::Quota;
+use service::storage::records::statement::sql;
 use std::time::{Duration, Instant};
+use support::packing::zip;
+use support::rays;
+use support::runners::{prompt, sha256};
+use support::site::{Reply, Site};
 
 const PARTIAL: (&str, &str) = ("upload-concat", "partial");
 

@@ -1,20 +1,20 @@
-use crate::runners::prompt;
-use crate::site::Site;
-use lampwright::service::access::Scope;
-use lampwright::service::access::quota::Quota;
-use lampwright::service::connections::Bounds;
-use lampwright::service::pace::Slowest;
-use lampwright::service::storage::records::sql;
-use lampwright::service::{Config, Service};
+use service::accounts::access::Scope;
+use service::accounts::quota::Quota;
+use service::connections::Bounds;
+use service::ray_sets::pace::Slowest;
+use service::storage::records::statement::sql;
+use service::{Config, Service};
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
+use support::runners::prompt;
+use support::site::Site;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 
 pub const HEALTH: &str = "GET /healthz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
-pub use crate::site::PATIENCE;
+pub use support::site::PATIENCE;
 
 /// A service that answers on a real socket.
 pub struct Listening {
@@ -127,7 +127,7 @@ async fn an_upload_that_only_drips_gives_up_its_place_and_one_that_is_merely_slo
     let slowest = Slowest { interval: Duration::from_secs(3), bytes: 1000 };
     let mut site = Site::start_as(|config| Config { slowest, bounds: ROOMY, ..config }, prompt()).await;
     let service = Listening::on(&mut site);
-    let bytes = crate::rays::zemax(100);
+    let bytes = support::rays::zemax(100);
     let head = |length| {
         format!(
             "POST /v1/ray-sets HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n"
@@ -201,7 +201,7 @@ async fn a_body_is_asked_for_only_when_it_is_wanted() {
     let mut site = Site::start_as(change, prompt()).await;
     let (writer, reader) = (site.key_of("lab", &[Scope::UploadsWrite]).await, site.key_of("lab", &[]).await);
     let service = Listening::on(&mut site);
-    let bytes = crate::rays::zemax(10);
+    let bytes = support::rays::zemax(10);
     let head = |key: &str, length: usize, more: &str| {
         format!(
             "POST /v1/ray-sets HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {key}\r\nConnection: close\r\n\
@@ -241,7 +241,7 @@ async fn a_service_that_stops_keeps_what_came_of_an_upload_in_pieces() {
     let slowest = Slowest { interval: PATIENCE, bytes: 1 };
     let mut site =
         Site::start_as(|config| Config { slowest, grace: PATIENCE, bounds: ROOMY, ..config }, prompt()).await;
-    let file = crate::rays::zemax(50_000);
+    let file = support::rays::zemax(50_000);
     let at = crate::resume::begin(&site, file.len(), &[]).await;
     let service = Listening::on(&mut site);
     let head = format!(

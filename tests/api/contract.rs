@@ -1,9 +1,9 @@
-use crate::runners::prompt;
-use crate::site::Site;
 use axum::http::StatusCode;
-use lampwright::service::api::openapi;
 use serde_json::Value;
+use service::http::openapi;
 use std::collections::BTreeSet;
+use support::runners::prompt;
+use support::site::Site;
 
 const COMMITTED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/openapi/openapi.json");
 

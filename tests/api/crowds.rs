@@ -1,16 +1,16 @@
 //! Many connections at once: which of them is closed for a new one, and who is told to come back.
 
 use crate::connections::{HEALTH, Listening, PATIENCE, ROOMY, bounded, ended};
-use crate::runners::{Gate, held, prompt};
-use crate::site::Site;
 use axum::body::Body;
 use axum::http::{Request, StatusCode};
-use lampwright::service::Config;
-use lampwright::service::access::Scope;
-use lampwright::service::connections::Bounds;
-use lampwright::service::pace::Slowest;
-use lampwright::service::storage::records::sql;
+use service::Config;
+use service::accounts::access::Scope;
+use service::connections::Bounds;
+use service::ray_sets::pace::Slowest;
+use service::storage::records::statement::sql;
 use std::net::SocketAddr;
+use support::runners::{Gate, held, prompt};
+use support::site::Site;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpSocket, TcpStream};
 use tower::ServiceExt;

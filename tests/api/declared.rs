@@ -1,14 +1,14 @@
 //! What is said of a ray file as it is sent: it makes files readable that do not say themselves what they hold, is kept, and
 //! holds for every job that says nothing else.
 
-use crate::packing::zip;
-use crate::rays;
-use crate::runners::prompt;
-use crate::site::{Reply, Site};
 use axum::http::{Method, StatusCode};
-use lampwright::service::jobs::worker::pipeline_runner;
 use serde_json::{Value, json};
+use service::jobs::worker::pipeline_runner;
 use std::fmt::Write;
+use support::packing::zip;
+use support::rays;
+use support::runners::prompt;
+use support::site::{Reply, Site};
 
 /// Position, direction, flux: from a square of 2 x 2, straight up and 45 degrees to four sides, 0.5 each. No unit, no W or lm.
 fn rows(rays: u32) -> String {

@@ -1,7 +1,7 @@
-use crate::runners::{pattern, prompt, sha256};
-use crate::site::{Reply, Site};
 use axum::body::Body;
 use axum::http::Method;
+use support::runners::{pattern, prompt, sha256};
+use support::site::{Reply, Site};
 
 struct Shelf {
     site: Site,

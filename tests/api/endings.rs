@@ -1,26 +1,27 @@
 //! What becomes of an upload that is resumed: ray sets, a refusal, or nothing.
 
-use crate::packing::zip;
-use crate::rays;
 use crate::resume::{append, begin, metadata, offset, send};
-use crate::runners::{prompt, sha256};
-use crate::site::Site;
 use crate::uploads::nothing_left;
 use axum::body::Body;
 use axum::http::{Method, StatusCode};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
-use lampwright::service::Config;
-use lampwright::service::access::quota::Quota;
-use lampwright::service::backup::backup;
-use lampwright::service::storage::records::sql;
-use lampwright::service::upload::PART_BYTES;
 use serde_json::{Value, json};
+use service::Config;
+use service::accounts::quota::Quota;
+use service::storage::parts::PART_BYTES;
+use service::storage::records::statement::sql;
+use service::upkeep::backup::backup;
 use sha2::{Digest, Sha256};
-use std::fs::{self, OpenOptions};
+use std::fs;
+use std::fs::OpenOptions;
 use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
+use support::packing::zip;
+use support::rays;
+use support::runners::{prompt, sha256};
+use support::site::Site;
 
 /// Asks for an upload until it is as `done` says.
 async fn until(site: &Site, at: &str, done: impl Fn(&Value) -> bool) -> Value {
@@ -30,7 +31,7 @@ async fn until(site: &Site, at: &str, done: impl Fn(&Value) -> bool) -> Value {
         if done(&upload) {
             return upload;
         }
-        assert!(start.elapsed() < crate::site::PATIENCE, "still {upload}");
+        assert!(start.elapsed() < support::site::PATIENCE, "still {upload}");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
 }
@@ -196,7 +197,7 @@ async fn until_leased(site: &Site, at: &str) {
     let leased = "SELECT id FROM uploads WHERE id = $1 AND lease_until_ms > {now}";
     let start = Instant::now();
     while site.rows(sql(leased).bind(id(at))).await.is_empty() {
-        assert!(start.elapsed() < crate::site::PATIENCE, "nobody finishes it");
+        assert!(start.elapsed() < support::site::PATIENCE, "nobody finishes it");
         tokio::time::sleep(Duration::from_millis(10)).await;
     }
 }
@@ -207,7 +208,7 @@ async fn until_tried_often(site: &Site, at: &str) {
     let start = Instant::now();
     while site.rows(sql(tried).bind(id(at)).bind(i64::from(site.config.max_attempts))).await.is_empty() {
         assert_eq!(site.get(at).await.json()["state"], "finishing");
-        assert!(start.elapsed() < crate::site::PATIENCE, "it is not tried again");
+        assert!(start.elapsed() < support::site::PATIENCE, "it is not tried again");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
 }
@@ -334,7 +335,7 @@ async fn what_nobody_goes_on_with_is_forgotten_and_what_it_became_is_not() {
     site.write(sql(later)).await;
     let start = Instant::now();
     while site.blobs().len() > 1 || !site.rows(sql("SELECT id FROM uploads")).await.is_empty() {
-        assert!(start.elapsed() < crate::site::PATIENCE, "{:?}", site.blobs());
+        assert!(start.elapsed() < support::site::PATIENCE, "{:?}", site.blobs());
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     for gone in [&taken, &unfinished] {

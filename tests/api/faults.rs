@@ -1,14 +1,16 @@
-use crate::runners::{Gate, failing, held, panicking, prompt, stubborn};
-use crate::site::Site;
-use lampwright::pipeline::Error;
-use lampwright::service::jobs::worker::Runner;
-use lampwright::service::storage::records::sql;
-use lampwright::service::storage::{Storage, garbage};
-use lampwright::service::{Config, Service, StartError};
+use pipeline::Error;
 use serde_json::json;
+use service::jobs::worker::Runner;
+use service::storage::Storage;
+use service::storage::records::statement::sql;
+use service::upkeep::garbage;
+use service::upkeep::lock::LockError;
+use service::{Config, Service, StartError};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
+use support::runners::{Gate, failing, held, panicking, prompt, stubborn};
+use support::site::Site;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_job_accepted_is_done_after_a_kill() {
@@ -75,7 +77,7 @@ async fn a_job_cancelled_before_the_kill_stays_cancelled() {
 #[tokio::test(flavor = "multi_thread")]
 async fn what_a_kill_left_in_the_store_is_swept_and_nothing_else() {
     // Elsewhere only age can tell: `garbage.rs`.
-    if crate::engines::are_shared() {
+    if support::engines::are_shared() {
         return;
     }
     let mut site = Site::start(prompt()).await;
@@ -256,12 +258,12 @@ async fn every_failure_of_the_pipeline_keeps_its_code_place_and_remedy() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_data_folder_has_one_service() {
-    if crate::engines::are_shared() {
+    if support::engines::are_shared() {
         return;
     }
     let site = Site::start(prompt()).await;
     let second = Service::start(site.config.clone()).await;
-    assert!(matches!(second, Err(StartError::Locked(_))), "{:?}", second.err());
+    assert!(matches!(second, Err(StartError::DataFolder(LockError::Locked(_)))), "{:?}", second.err());
     let mut other = site.config.clone();
     other.data = site.folder.path().join("other");
     assert!(Service::start(other.clone()).await.is_ok());

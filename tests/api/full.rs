@@ -1,18 +1,20 @@
 //! A database without room: what is refused changes nothing, what is answered stays, nothing is stuck when there is room again.
 //! `tests/crash` does the same with a disk that is really full.
 
-use crate::engines::{self, are_shared};
 use crate::ingest::{files, near};
-use crate::rays::zemax;
 use crate::resume::{OCTETS, VERSION, append, begin};
-use crate::runners::{Gate, held, prompt, sha256};
-use crate::site::{Reply, Site};
 use axum::http::{Method, StatusCode};
-use lampwright::service::api::openapi;
-use lampwright::service::storage::records::{Records, Statement, sql};
-use lampwright::service::{Config, Role};
 use serde_json::{Value, json};
+use service::http::openapi;
+use service::storage::records::Records;
+use service::storage::records::statement::{Statement, sql};
+use service::{Config, Role};
 use std::time::{Duration, Instant};
+use support::engines;
+use support::engines::are_shared;
+use support::rays::zemax;
+use support::runners::{Gate, held, prompt, sha256};
+use support::site::{Reply, Site};
 
 /// Operations that make room; they are let in however little there is.
 const RELIEF: [&str; 6] =

@@ -3,15 +3,15 @@
 
 use crate::access::{Operation, Things, lab, operations};
 use crate::connections::{Listening, ended};
-use crate::rays;
 use crate::resume::{OCTETS, VERSION, append, begin};
-use crate::runners::prompt;
-use crate::site::{Reply, Site};
 use axum::body::Body;
 use axum::http::{Method, StatusCode};
-use lampwright::service::access::Scope;
-use lampwright::service::storage::records::sql;
 use serde_json::json;
+use service::accounts::access::Scope;
+use service::storage::records::statement::sql;
+use support::rays;
+use support::runners::prompt;
+use support::site::{Reply, Site};
 
 /// Things whose entity tags their own handlers judge.
 const TAGGED: [&str; 4] = ["get_artifact", "get_zip", "get_origins_drawing", "get_far_field_drawing"];

@@ -1,14 +1,14 @@
 //! HTTP/2 without TLS, for clients that begin with it: the same answers and the same bounds.
 
 use crate::connections::{HEALTH, Listening, PATIENCE, ROOMY, bounded};
-use crate::runners::prompt;
-use crate::site::Site;
 use axum::http::{Request, Response};
 use bytes::Bytes;
 use h2::RecvStream;
 use h2::client::{Builder, SendRequest};
-use lampwright::service::connections::Bounds;
+use service::connections::Bounds;
 use std::time::Duration;
+use support::runners::prompt;
+use support::site::Site;
 use tokio::net::TcpStream;
 use tokio::task::JoinHandle;
 use tokio::time::timeout;

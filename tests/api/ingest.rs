@@ -1,23 +1,23 @@
 //! Files that are fetched: like those that are sent, from nowhere that the service may not ask.
 
 use crate::connections::PATIENCE;
-use crate::rays::zemax;
-use crate::runners::{prompt, sha256};
-use crate::site::Site;
 use axum::Router;
 use axum::body::{Body, Bytes};
 use axum::http::{StatusCode, header};
 use axum::response::Redirect;
 use axum::routing::get;
 use futures::{StreamExt, stream};
-use lampwright::service::Config;
-use lampwright::service::access::Scope;
-use lampwright::service::access::quota::Quota;
-use lampwright::service::storage::blobs::Blobs;
-use lampwright::service::storage::records::sql;
 use serde_json::json;
+use service::Config;
+use service::accounts::access::Scope;
+use service::accounts::quota::Quota;
+use service::storage::blobs::Blobs;
+use service::storage::records::statement::sql;
 use std::convert::Infallible;
 use std::time::{Duration, Instant};
+use support::rays::zemax;
+use support::runners::{prompt, sha256};
+use support::site::Site;
 use tokio::net::{TcpListener, TcpSocket};
 
 const RAYS: u32 = 1000;
@@ -30,7 +30,7 @@ pub async fn files() -> u16 {
     let to = |to: String| get(async move || Redirect::temporary(&to));
     let router = Router::new()
         .route("/files/led%201.dat", get(async || zemax(RAYS)))
-        .route("/led.gz", get(async || crate::packing::gzip(&zemax(RAYS))))
+        .route("/led.gz", get(async || support::packing::gzip(&zemax(RAYS))))
         .route("/text", get(async || "this is no ray file at all, and never was one\n".repeat(4000)))
         .route("/one", to("/files/led%201.dat".into()))
         .route("/three", to("/two".into()))
@@ -84,7 +84,7 @@ async fn a_file_that_is_fetched_is_like_one_that_was_sent() {
     let job = site.job(packed["id"].as_str().unwrap()).await;
     site.until_state(&job, "succeeded").await;
     let text = String::from_utf8(site.get("/metrics").await.body).unwrap();
-    let came = 3 * file.len() + crate::packing::gzip(&file).len();
+    let came = 3 * file.len() + support::packing::gzip(&file).len();
     assert!(text.contains(&format!("lampwright_upload_bytes_total {came}\n")), "{text}");
 }
 
@@ -144,7 +144,7 @@ async fn the_bounds_of_uploads_hold_and_who_goes_away_ends_it() {
 
     // So slow is allowed here that only its client can end it.
     let patient = |config: Config| {
-        let slowest = lampwright::service::pace::Slowest { interval: PATIENCE * 10, ..config.slowest };
+        let slowest = service::ray_sets::pace::Slowest { interval: PATIENCE * 10, ..config.slowest };
         near(Config { slowest, ..config })
     };
     let site = Site::start_as(patient, prompt()).await;
@@ -187,7 +187,7 @@ async fn without_keys_nothing_is_fetched_unless_somebody_says_so() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_bucket_that_the_operator_names_is_read_and_no_other() {
-    if !crate::engines::are_shared() {
+    if !support::engines::are_shared() {
         println!("LEFT OUT: no S3 server");
         return;
     }

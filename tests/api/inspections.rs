@@ -1,10 +1,10 @@
-use crate::rays;
-use crate::runners::{prompt, sha256};
-use crate::site::Site;
 use axum::body::Body;
 use axum::http::{Method, StatusCode};
-use lampwright::service::storage::records::sql;
 use serde_json::json;
+use service::storage::records::statement::sql;
+use support::rays;
+use support::runners::{prompt, sha256};
+use support::site::Site;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn an_upload_answers_with_its_inspection_and_keeps_it() {

@@ -1,17 +1,18 @@
-use crate::runners::{Gate, held, prompt, stubborn};
-use crate::site::{Site, known, stores};
 use axum::http::StatusCode;
-use lampwright::service::Config;
-use lampwright::service::jobs::channels::NewJob;
-use lampwright::service::jobs::memory::Memory;
-use lampwright::service::jobs::prospect::Prospect;
-use lampwright::service::jobs::queue::{self, Claim, Queue};
-use lampwright::service::jobs::{Failure, State, TRANSITIONS};
-use lampwright::service::metrics::Metrics;
-use lampwright::service::storage::ray_sets;
-use lampwright::service::storage::records::sql;
 use serde_json::json;
+use service::Config;
+use service::failure::Failure;
+use service::jobs::estimate::Prospect;
+use service::jobs::memory_budget::Memory;
+use service::jobs::queue::{Claim, Queue};
+use service::jobs::request::NewJob;
+use service::jobs::{State, TRANSITIONS, queue};
+use service::metrics::Metrics;
+use service::ray_sets::rows;
+use service::storage::records::statement::sql;
 use std::time::{Duration, Instant};
+use support::runners::{Gate, held, prompt, stubborn};
+use support::site::{Site, known, stores};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_queue_is_worked_in_order_and_tells_the_place() {
@@ -199,7 +200,7 @@ async fn a_ray_set_is_never_deleted_under_a_job_that_is_being_queued() {
         });
         tokio::time::sleep(second).await;
         let deleted =
-            matches!(ray_sets::delete(&storage.records, "default", &id).await.unwrap(), ray_sets::Deletion::Deleted(_));
+            matches!(rows::delete(&storage.records, "default", &id).await.unwrap(), rows::Deletion::Deleted(_));
         let queued = enqueue.await.unwrap();
         assert!(queued != deleted, "round {round}: queued {queued}, deleted {deleted}");
         outcomes[usize::from(queued)] += 1;

@@ -1,20 +1,19 @@
 //! What a disk is trusted with: backups go where they harm nothing, the collector deletes only what the service wrote, files
 //! are the service's own, and a store's errors say nothing of the server to a client.
 
-use crate::runners::{failing, prompt};
-use crate::site::Site;
 use axum::http::StatusCode;
-use lampwright::pipeline;
-use lampwright::service::backup::backup;
-use lampwright::service::storage::database_file::{self, Unusable};
-use lampwright::service::storage::records::sql;
-use lampwright::service::storage::{self, Storage};
-use lampwright::service::{Config, Service, StartError};
 use serde_json::{Value, json};
+use service::storage::error::Unusable;
+use service::storage::records::statement::sql;
+use service::storage::{Storage, database_url};
+use service::upkeep::backup::backup;
+use service::{Config, Service, StartError, storage};
 use std::fs;
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::{Component, Path, PathBuf};
 use std::time::Duration;
+use support::runners::{failing, prompt};
+use support::site::Site;
 
 /// Every path below `folder`, links not followed, in order.
 fn tree(folder: &Path) -> Vec<PathBuf> {
@@ -218,7 +217,7 @@ async fn blobs_of_another_database_are_not_taken_for_garbage() {
     site.kill().await;
     let right = site.config.clone();
     let blobs = Storage::open(&right.database_url(), &right.storage_url()).await.unwrap().blobs;
-    let elsewhere = database_file::url(&site.folder.path().join("elsewhere/service.db"));
+    let elsewhere = database_url::url(&site.folder.path().join("elsewhere/service.db"));
     let wrong = Config { database_url: Some(elsewhere), storage_url: Some(right.storage_url()), ..right };
     for is_marked in [true, false] {
         if !is_marked {
@@ -275,7 +274,7 @@ async fn a_job_whose_blob_is_gone_fails_once_and_says_whose_it_was() {
 /// As where its disk is not mounted: jobs that were accepted wait for it.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_store_that_is_empty_is_away_and_not_damaged() {
-    if crate::engines::are_shared() {
+    if support::engines::are_shared() {
         return;
     }
     let site = Site::start(prompt()).await;
@@ -296,7 +295,7 @@ async fn a_job_whose_blob_was_cut_short_fails_once() {
     let ray_set = site.ray_set().await;
     let storage = Storage::open(&site.config.database_url(), &site.config.storage_url()).await.unwrap();
     for left in [0, 100] {
-        let bytes = crate::rays::zemax(10)[..left].to_vec();
+        let bytes = support::rays::zemax(10)[..left].to_vec();
         storage.blobs.put(&format!("ray-sets/{ray_set}/000000"), bytes.into()).await.unwrap();
         let job = site.job(&ray_set).await;
         let failed = site.until_state(&job, "failed").await;

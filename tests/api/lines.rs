@@ -1,19 +1,20 @@
 //! Who is next: tenants in turn, each by priority and age, within the memory and the time there is.
 
-use crate::runners::{Gate, held, prompt};
-use crate::site::{Site, stores};
 use axum::http::StatusCode;
-use lampwright::service::Config;
-use lampwright::service::access::Scope;
-use lampwright::service::access::tenants::{self, Tenant};
-use lampwright::service::jobs::Failure;
-use lampwright::service::jobs::memory::Memory;
-use lampwright::service::jobs::queue::{Claim, Queue};
-use lampwright::service::metrics::Metrics;
-use lampwright::service::storage::Storage;
-use lampwright::service::storage::records::sql;
 use serde_json::json;
+use service::Config;
+use service::accounts::access::Scope;
+use service::accounts::tenants;
+use service::accounts::tenants::Tenant;
+use service::failure::Failure;
+use service::jobs::memory_budget::Memory;
+use service::jobs::queue::{Claim, Queue};
+use service::metrics::Metrics;
+use service::storage::Storage;
+use service::storage::records::statement::sql;
 use std::time::{Duration, Instant};
+use support::runners::{Gate, held, prompt};
+use support::site::{Site, stores};
 
 /// Waiting jobs of `tenant`, `count` of them, called `<tenant>-<number>` in the order of their age.
 async fn line(storage: &Storage, tenant: &str, count: i64, priority: i64, memory_bytes: i64) {
@@ -134,7 +135,7 @@ async fn who_watches_sees_that_a_job_waits_for_memory() {
     line(&storage, "default", 1, 1, all).await;
     let start = Instant::now();
     while number("lampwright_waits_for_memory").await == 0 {
-        assert!(start.elapsed() < crate::site::PATIENCE, "nobody waits");
+        assert!(start.elapsed() < support::site::PATIENCE, "nobody waits");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     gate.open();
@@ -142,7 +143,7 @@ async fn who_watches_sees_that_a_job_waits_for_memory() {
     // It has no channels; what counts is that it was begun.
     site.until("default-1-100001", |job| job["attempt"] == 1).await;
     while number("lampwright_waits_for_memory").await + number("lampwright_job_memory_bytes").await > 0 {
-        assert!(start.elapsed() < crate::site::PATIENCE, "it never ended");
+        assert!(start.elapsed() < support::site::PATIENCE, "it never ended");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
 }
@@ -288,7 +289,7 @@ async fn what_was_queued_before_there_was_less_memory_does_not_wait_in_silence()
         // Another process may have more.
         let start = Instant::now();
         while too_large(&site).await != 2 {
-            assert!(start.elapsed() < crate::site::PATIENCE, "nobody tells");
+            assert!(start.elapsed() < support::site::PATIENCE, "nobody tells");
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
     }

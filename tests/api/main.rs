@@ -3,21 +3,6 @@
 
 #![expect(clippy::unwrap_used, clippy::panic, reason = "what a test stumbles over is its finding")]
 
-#[path = "../support/engines.rs"]
-mod engines;
-#[path = "../support/formats.rs"]
-mod formats;
-#[path = "../support/packing.rs"]
-mod packing;
-#[path = "../support/rays.rs"]
-mod rays;
-#[path = "../support/receiver.rs"]
-mod receiver;
-#[path = "../support/runners.rs"]
-mod runners;
-#[path = "../support/site.rs"]
-mod site;
-
 /// From a ray file to a zip, and every step between.
 mod walk;
 /// What is taken in, and what is not.

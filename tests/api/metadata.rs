@@ -1,16 +1,16 @@
 //! Clients' own keys and values: kept, told again, found by, and nobody else's.
 
-use crate::packing::zip;
-use crate::rays;
-use crate::receiver::Receiver;
 use crate::resume;
-use crate::runners::prompt;
-use crate::site::{Reply, Site};
 use axum::http::{Method, StatusCode};
-use lampwright::service::Config;
-use lampwright::service::access::Scope;
-use lampwright::service::storage::records::sql;
 use serde_json::{Value, json};
+use service::Config;
+use service::accounts::access::Scope;
+use service::storage::records::statement::sql;
+use support::packing::zip;
+use support::rays;
+use support::receiver::Receiver;
+use support::runners::prompt;
+use support::site::{Reply, Site};
 
 /// As a client's library writes a value of a query (RFC 3986: everything but what is unreserved).
 fn encoded(text: &str) -> String {

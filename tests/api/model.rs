@@ -1,17 +1,19 @@
 //! The queue beside a model of it that knows no database: random changes, asked for by two processes with two slots each, current
 //! claims and lost ones alike. After each of them every row is what the model says.
 
-use crate::site::{known, stores};
-use lampwright::service::jobs::channels::NewJob;
-use lampwright::service::jobs::prospect::Prospect;
-use lampwright::service::jobs::queue::{Beat, Claim, Error, Queue};
-use lampwright::service::jobs::{Failure, Priority, State};
-use lampwright::service::storage::Storage;
-use lampwright::service::storage::records::sql;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use service::failure::Failure;
+use service::jobs::error::Error;
+use service::jobs::estimate::Prospect;
+use service::jobs::queue::{Beat, Claim, Queue};
+use service::jobs::request::NewJob;
+use service::jobs::{Priority, State};
+use service::storage::Storage;
+use service::storage::records::statement::sql;
 use std::collections::BTreeMap;
 use std::time::Duration;
+use support::site::{known, stores};
 
 const MAX_ATTEMPTS: u32 = 2;
 const STEPS: u32 = 400;
@@ -192,7 +194,7 @@ impl Both {
     async fn compare(&self, step: u32) {
         let select = "SELECT id, state, attempt, fence, cancel_requested FROM jobs ORDER BY id";
         let rows = self.storage.records.read(sql(select)).await.unwrap();
-        let number = |row: &lampwright::service::storage::records::Row, name| row.number(name).unwrap();
+        let number = |row: &service::storage::records::statement::Row, name| row.number(name).unwrap();
         let found: Vec<_> = rows
             .iter()
             .map(|row| {

@@ -1,10 +1,10 @@
 //! A field that is null counts as left out, in every JSON body of the contract: the schemas of the contract say which there are.
 
-use crate::runners::prompt;
-use crate::site::{Reply, Site};
 use axum::http::{Method, StatusCode};
-use lampwright::service::api::openapi;
 use serde_json::{Value, json};
+use service::http::openapi;
+use support::runners::prompt;
+use support::site::{Reply, Site};
 
 const JSON: (&str, &str) = ("content-type", "application/json");
 

@@ -1,12 +1,12 @@
-use crate::runners::{Gate, burning, held, prompt, stubborn};
-use crate::site::{PATIENCE, Site};
 use axum::body::Body;
 use axum::http::{Method, StatusCode};
-use lampwright::service::Config;
-use lampwright::service::pace::Slowest;
-use lampwright::service::storage::records::sql;
 use serde_json::json;
+use service::Config;
+use service::ray_sets::pace::Slowest;
+use service::storage::records::statement::sql;
 use std::time::{Duration, Instant};
+use support::runners::{Gate, burning, held, prompt, stubborn};
+use support::site::{PATIENCE, Site};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::sync::oneshot;
@@ -36,7 +36,7 @@ async fn it_says_that_it_is_well() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn it_says_that_its_store_is_gone() {
-    if crate::engines::are_shared() {
+    if support::engines::are_shared() {
         return;
     }
     let site = Site::start(prompt()).await;
@@ -45,7 +45,7 @@ async fn it_says_that_its_store_is_gone() {
     std::fs::remove_dir_all(&blobs).unwrap();
     std::fs::write(&blobs, b"in the way").unwrap();
     site.get("/readyz").await.is_problem(503, "storage.unavailable");
-    site.upload(crate::rays::zemax(3)).await.is_problem(503, "storage.unavailable");
+    site.upload(support::rays::zemax(3)).await.is_problem(503, "storage.unavailable");
     assert_eq!(site.get("/healthz").await.status, StatusCode::OK);
     assert!(site.rows(sql("SELECT id FROM ray_sets")).await.is_empty());
 }
@@ -111,7 +111,7 @@ async fn it_stops_in_order() {
     site.until(&running, |_| asked.elapsed() > Duration::from_millis(100)).await;
     site.get("/readyz").await.is_problem(503, "service.stopping");
     site.post("/v1/jobs", &json!({ "channels": [{"ray_set": ray_set}] })).await.is_problem(503, "service.stopping");
-    site.upload(crate::rays::zemax(3)).await.is_problem(503, "service.stopping");
+    site.upload(support::rays::zemax(3)).await.is_problem(503, "service.stopping");
     serving.await.unwrap().unwrap();
     // The job would hold it for ever.
     assert!(asked.elapsed() >= site.config.grace / 2 && asked.elapsed() < PATIENCE);
@@ -183,7 +183,7 @@ async fn more_uploads_than_there_are_places_are_told_to_come_back_and_nobody_els
             assert!(begun.elapsed() < PATIENCE, "not all of them began");
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
-        site.upload(crate::rays::zemax(3)).await.is_problem(503, "service.busy");
+        site.upload(support::rays::zemax(3)).await.is_problem(503, "service.busy");
         for path in ["/healthz", "/readyz", "/v1/jobs", "/v1/ray-sets"] {
             assert_eq!(site.get(path).await.status, StatusCode::OK);
         }
@@ -195,5 +195,5 @@ async fn more_uploads_than_there_are_places_are_told_to_come_back_and_nobody_els
         () = others => {}
     }
     // Their places are free once they are gone.
-    assert_eq!(site.upload(crate::rays::zemax(3)).await.status, StatusCode::CREATED);
+    assert_eq!(site.upload(support::rays::zemax(3)).await.status, StatusCode::CREATED);
 }

@@ -1,17 +1,17 @@
-use crate::packing::{gzip, zip, zstd};
-use crate::rays;
-use crate::runners::{prompt, sha256};
-use crate::site::{Reply, Site};
 use crate::uploads::nothing_left;
 use axum::http::{Method, StatusCode};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
-use lampwright::pipeline::Limits;
-use lampwright::service::Config;
-use lampwright::service::storage::records::sql;
-use lampwright::service::upload::PART_BYTES;
+use pipeline::Limits;
 use serde_json::{Value, json};
+use service::Config;
+use service::storage::parts::PART_BYTES;
+use service::storage::records::statement::sql;
 use sha2::{Digest, Sha256};
+use support::packing::{gzip, zip, zstd};
+use support::rays;
+use support::runners::{prompt, sha256};
+use support::site::{Reply, Site};
 
 async fn send(site: &Site, name: &str, bytes: Vec<u8>) -> Reply {
     site.ask(Method::POST, &format!("/v1/ray-sets?name={name}"), &[], bytes).await
@@ -175,7 +175,7 @@ async fn what_comes_out_is_limited_like_what_comes_in() {
 #[tokio::test(flavor = "multi_thread")]
 async fn the_ray_sets_of_a_zip_become_known_together_or_not_at_all() {
     // The trigger is SQLite's; the transaction that it breaks is the same code on every engine.
-    if crate::engines::are_shared() {
+    if support::engines::are_shared() {
         return;
     }
     let site = Site::start(prompt()).await;

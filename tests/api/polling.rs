@@ -2,17 +2,19 @@
 //! is another tenant's.
 
 use crate::connections::PATIENCE;
-use crate::runners::{Gate, held, prompt};
-use crate::site::Site;
 use axum::body::Body;
 use axum::http::{Method, StatusCode};
-use lampwright::service::access::{Scope, keys};
-use lampwright::service::storage::records::{Records, sql};
-use lampwright::service::{Config, Role};
 use serde_json::{Value, json};
+use service::accounts::access::Scope;
+use service::accounts::keys;
+use service::storage::records::Records;
+use service::storage::records::statement::sql;
+use service::{Config, Role};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
+use support::runners::{Gate, held, prompt};
+use support::site::Site;
 
 fn address(job: &str) -> String {
     format!("/v1/jobs/{job}")

@@ -1,18 +1,18 @@
 //! What a problem tells its client to do is done, word by word, and is not refused again. `tests/process/remedies.rs` looks at
 //! every sentence of the source; here those with a call in them are followed.
 
-use crate::rays;
 use crate::resume::{OCTETS, VERSION, append, begin, metadata, offset, send};
-use crate::runners::prompt;
-use crate::site::{Reply, Site};
 use axum::body::Body;
 use axum::http::{Method, StatusCode};
-use lampwright::service::Config;
-use lampwright::service::access::Scope;
-use lampwright::service::storage::records::sql;
 use serde_json::{Value, json};
+use service::Config;
+use service::accounts::access::Scope;
+use service::storage::records::statement::sql;
 use std::fs;
 use std::path::Path;
+use support::rays;
+use support::runners::prompt;
+use support::site::{Reply, Site};
 
 /// Remedies with a call in them, each followed by a test here (`curl` by `tests/process/remedies.rs`).
 const FOLLOWED: [&str; 15] = [

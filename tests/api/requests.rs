@@ -1,9 +1,9 @@
-use crate::runners::{Gate, held, prompt};
-use crate::site::Site;
 use axum::body::Body;
 use axum::http::{Method, StatusCode};
-use lampwright::service::storage::records::sql;
 use serde_json::{Value, json};
+use service::storage::records::statement::sql;
+use support::runners::{Gate, held, prompt};
+use support::site::Site;
 
 /// No request in this file may queue anything.
 async fn nothing_queued(site: &Site) {

@@ -1,10 +1,10 @@
-use crate::runners::prompt;
-use crate::site::Site;
-use lampwright::service::Config;
-use lampwright::service::access::Scope;
 use serde_json::{Value, json};
+use service::Config;
+use service::accounts::access::Scope;
 use std::path::Path;
 use std::process::Command;
+use support::runners::prompt;
+use support::site::Site;
 
 /// Copies what lies under one prefix of the bucket to another, by another program than ours.
 const COPY: &str = "
@@ -30,7 +30,7 @@ async fn told(site: &Site, ray_set: &str, job: &str) -> Vec<Value> {
         told.push(site.get(&path).await.json());
     }
     let zip = site.get(&format!("/v1/jobs/{job}/model.zip")).await;
-    assert_eq!(json!(crate::runners::sha256(&zip.body)), told[2]["zip"]["sha256"]);
+    assert_eq!(json!(support::runners::sha256(&zip.body)), told[2]["zip"]["sha256"]);
     told
 }
 

@@ -1,20 +1,20 @@
 //! tus 1.0.0, as a client sees it: expected statuses and headers are those of its text.
 
-use crate::rays;
-use crate::runners::{prompt, sha256};
-use crate::site::{Reply, Site};
 use crate::uploads::nothing_left;
 use axum::body::{Body, Bytes};
 use axum::http::{Method, StatusCode};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use futures::stream;
-use lampwright::service::Config;
-use lampwright::service::access::quota::Quota;
-use lampwright::service::storage::records::sql;
 use serde_json::{Value, json};
+use service::Config;
+use service::accounts::quota::Quota;
+use service::storage::records::statement::sql;
 use sha2::{Digest, Sha256};
 use std::io;
+use support::rays;
+use support::runners::{prompt, sha256};
+use support::site::{Reply, Site};
 
 pub const VERSION: (&str, &str) = ("tus-resumable", "1.0.0");
 pub const OCTETS: (&str, &str) = ("content-type", "application/offset+octet-stream");
@@ -56,7 +56,7 @@ pub async fn ended(site: &Site, at: &str) -> Value {
         if upload["state"] != "finishing" {
             return upload;
         }
-        assert!(start.elapsed() < crate::site::PATIENCE, "still {upload}");
+        assert!(start.elapsed() < support::site::PATIENCE, "still {upload}");
         tokio::time::sleep(std::time::Duration::from_millis(10)).await;
     }
 }
@@ -436,7 +436,7 @@ async fn a_tenant_cannot_begin_uploads_without_end() {
                 sha256_state, fence, attempt, created_ms, expires_ms) \
                 SELECT $1, tenant, state, name, metadata, declared, announced, byte_count, offset_bytes, \
                 sha256_state, fence, attempt, created_ms, expires_ms FROM uploads WHERE id = $2";
-    let records = lampwright::service::storage::records::Records::open(&site.config.database_url()).await.unwrap();
+    let records = service::storage::records::Records::open(&site.config.database_url()).await.unwrap();
     for number in 1..1000 {
         let copy = sql(copy).bind(format!("x{number}")).bind(at.rsplit('/').next().unwrap());
         records.write(copy).await.unwrap();

@@ -1,20 +1,20 @@
 //! Several requests that add to one upload at once, and clients that are gone: which of them goes on, and what is kept.
 
 use crate::endings::{Stuck, id};
-use crate::rays;
 use crate::resume::{OCTETS, VERSION, append, begin, offset};
-use crate::runners::prompt;
-use crate::site::{Reply, Site};
 use crate::uploads::nothing_left;
 use axum::body::{Body, Bytes};
 use axum::http::{Method, StatusCode};
 use futures::stream;
-use lampwright::service::Config;
-use lampwright::service::pace::Slowest;
-use lampwright::service::storage::records::sql;
+use service::Config;
+use service::ray_sets::pace::Slowest;
+use service::storage::records::statement::sql;
 use std::io;
 use std::pin::pin;
 use std::time::{Duration, Instant};
+use support::rays;
+use support::runners::prompt;
+use support::site::{Reply, Site};
 
 /// A body whose pieces are sent one by one.
 fn held() -> (tokio::sync::mpsc::Sender<io::Result<Bytes>>, Body) {
@@ -133,7 +133,7 @@ async fn what_was_begun_with_its_first_bytes_goes_with_a_sender_that_never_knew(
     let _ = sender.send(Err(io::Error::other("connection reset"))).await;
     let start = Instant::now();
     while !site.rows(sql("SELECT id FROM uploads")).await.is_empty() || !site.blobs().is_empty() {
-        assert!(start.elapsed() < crate::site::PATIENCE, "{:?}", site.blobs());
+        assert!(start.elapsed() < support::site::PATIENCE, "{:?}", site.blobs());
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     nothing_left(&site).await;

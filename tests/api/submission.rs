@@ -1,19 +1,18 @@
 //! Asking for a job: once, again, and only to know what it would come to.
 
-use crate::runners::{Gate, failing, held, prompt};
-use crate::site::{Reply, Site, known};
 use axum::http::{Method, StatusCode};
-use lampwright::pipeline;
-use lampwright::service::Config;
-use lampwright::service::access::Scope;
-use lampwright::service::config::Retention;
-use lampwright::service::jobs::channels::NewJob;
-use lampwright::service::jobs::prospect::Prospect;
-use lampwright::service::jobs::queue::Queue;
-use lampwright::service::jobs::submit::Keyed;
-use lampwright::service::storage::records::sql;
 use serde_json::{Value, json};
+use service::Config;
+use service::accounts::access::Scope;
+use service::config::Retention;
+use service::jobs::estimate::Prospect;
+use service::jobs::queue::Queue;
+use service::jobs::request::NewJob;
+use service::jobs::submit::Keyed;
+use service::storage::records::statement::sql;
 use std::time::{Duration, Instant};
+use support::runners::{Gate, failing, held, prompt};
+use support::site::{Reply, Site, known};
 
 async fn under(site: &Site, key: &str, body: &Value) -> Reply {
     let headers = [("content-type", "application/json"), ("idempotency-key", key)];
@@ -91,7 +90,7 @@ async fn a_key_is_its_tenants_own_and_means_something_for_a_day() {
     site.write(age.bind(3_600_000)).await;
     let start = Instant::now();
     while !site.rows(sql("SELECT key FROM idempotency_keys")).await.is_empty() {
-        assert!(start.elapsed() < crate::site::PATIENCE, "keys stay");
+        assert!(start.elapsed() < support::site::PATIENCE, "keys stay");
         tokio::time::sleep(every).await;
     }
     let late = under(&site, "k", &made[1].1).await;
@@ -102,7 +101,7 @@ async fn a_key_is_its_tenants_own_and_means_something_for_a_day() {
 #[tokio::test(flavor = "multi_thread")]
 async fn equal_requests_that_race_on_two_nodes_make_one_job() {
     let folder = tempfile::tempdir().unwrap();
-    let (storage, other) = crate::site::two_stores(folder.path()).await;
+    let (storage, other) = support::site::two_stores(folder.path()).await;
     known(&storage, "r").await;
     let nodes = [storage.clone(), other].map(|storage| Queue::new(storage, Duration::from_secs(60), 3));
     let count = async || {
@@ -130,7 +129,7 @@ async fn what_was_computed_is_not_computed_again() {
     let mut site = Site::start_as(|config| Config { auth: true, ..config }, held(&gate)).await;
     let lab = site.key_of("lab", &Scope::OF_A_TENANT).await;
     site.key = Some(lab.clone());
-    let file = crate::rays::zemax(10);
+    let file = support::rays::zemax(10);
     let (ray_set, twin) = (site.upload(file.clone()).await.id(), site.upload(file.clone()).await.id());
     let body = |ray_set: &str| json!({ "channels": [{"ray_set": ray_set, "length_unit": "mm"}] });
     let first = site.post("/v1/jobs", &body(&ray_set)).await;
@@ -218,7 +217,7 @@ async fn what_was_asked_for_again_is_kept_from_then_on() {
     let (day, every) = (Duration::from_hours(24), Duration::from_millis(50));
     let retention = Retention { jobs: Some(day), ray_sets: Some(day), every };
     let site = Site::start_as(|config| Config { retention, ..config }, prompt()).await;
-    let sets = [site.upload(crate::rays::zemax(10)).await.id(), site.upload(crate::rays::zemax(11)).await.id()];
+    let sets = [site.upload(support::rays::zemax(10)).await.id(), site.upload(support::rays::zemax(11)).await.id()];
     let bodies = sets.each_ref().map(|ray_set| json!({ "channels": [{"ray_set": ray_set}] }));
     let mut jobs = Vec::new();
     for body in &bodies {
@@ -234,7 +233,7 @@ async fn what_was_asked_for_again_is_kept_from_then_on() {
     while site.get(&format!("/v1/ray-sets/{}", sets[1])).await.status != StatusCode::NOT_FOUND
         || site.get(&format!("/v1/jobs/{}", jobs[1])).await.status != StatusCode::NOT_FOUND
     {
-        assert!(start.elapsed() < crate::site::PATIENCE, "nothing is deleted");
+        assert!(start.elapsed() < support::site::PATIENCE, "nothing is deleted");
         tokio::time::sleep(every).await;
     }
     for address in [format!("/v1/ray-sets/{}", sets[0]), format!("/v1/jobs/{}/model.zip", jobs[0])] {
@@ -242,7 +241,7 @@ async fn what_was_asked_for_again_is_kept_from_then_on() {
     }
     site.write(sql("UPDATE jobs SET used_ms = 1")).await;
     while job_count(&site).await > 0 {
-        assert!(start.elapsed() < crate::site::PATIENCE, "it is kept for ever");
+        assert!(start.elapsed() < support::site::PATIENCE, "it is kept for ever");
         tokio::time::sleep(every).await;
     }
 }
@@ -251,7 +250,7 @@ async fn what_was_asked_for_again_is_kept_from_then_on() {
 async fn a_dry_run_tells_what_it_would_come_to_and_does_nothing() {
     let gate = Gate::new();
     let site = Site::start(held(&gate)).await;
-    let file = crate::rays::zemax(10);
+    let file = support::rays::zemax(10);
     let ray_set = site.upload(file.clone()).await.id();
     let dry = async |body: &Value| site.post("/v1/jobs?dry_run=true", body).await;
     let body = json!({ "channels": [{"ray_set": ray_set}] });
@@ -292,7 +291,7 @@ async fn a_dry_run_tells_what_it_would_come_to_and_does_nothing() {
     site.until(&running.id(), |_| true).await;
     site.write(sql("UPDATE jobs SET ray_count = 0 WHERE id <> $1").bind(running.id())).await;
     site.write(sql("UPDATE jobs SET started_ms = finished_ms - 5000 WHERE id = $1").bind(running.id())).await;
-    let two = site.upload(crate::rays::zemax(20)).await.id();
+    let two = site.upload(support::rays::zemax(20)).await.id();
     assert_eq!(dry(&json!({ "channels": [{"ray_set": two}] })).await.json()["seconds"], 10.0);
 }
 
@@ -300,7 +299,7 @@ async fn a_dry_run_tells_what_it_would_come_to_and_does_nothing() {
 async fn lists_hold_what_was_asked_for_and_pages_of_it() {
     let gate = Gate::new();
     let site = Site::start(held(&gate)).await;
-    let (a, b) = (site.upload(crate::rays::zemax(10)).await.id(), site.upload(crate::rays::zemax(11)).await.id());
+    let (a, b) = (site.upload(support::rays::zemax(10)).await.id(), site.upload(support::rays::zemax(11)).await.id());
     let mut jobs = Vec::new();
     for (k, priority) in ["normal", "high", "low", "normal"].into_iter().enumerate() {
         let ray_set = if k % 2 == 0 { &a } else { &b };
@@ -353,11 +352,11 @@ async fn lists_hold_what_was_asked_for_and_pages_of_it() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_file_that_is_here_already_is_found_by_its_digest() {
     let site = Site::start(prompt()).await;
-    let file = crate::rays::zemax(10);
+    let file = support::rays::zemax(10);
     let here = site.upload(file.clone()).await.id();
-    let other = site.ask(Method::POST, "/v1/ray-sets?name=other.dat", &[], crate::rays::zemax(11)).await.id();
+    let other = site.ask(Method::POST, "/v1/ray-sets?name=other.dat", &[], support::rays::zemax(11)).await.id();
     let twin = site.ask(Method::POST, "/v1/ray-sets?name=other.dat", &[], file.clone()).await.id();
-    let digest = crate::runners::sha256(&file);
+    let digest = support::runners::sha256(&file);
     let found = async |query: &str| {
         let list = site.get(&format!("/v1/ray-sets?{query}")).await.json();
         let ids = list["ray_sets"].as_array().unwrap().iter().map(|entry| entry["id"].as_str().unwrap().to_owned());
@@ -418,7 +417,7 @@ async fn what_was_answered_is_answered_again_whatever_the_limits_are_now() {
 #[tokio::test]
 async fn old_keys_are_forgotten_a_thousand_at_a_time() {
     let folder = tempfile::tempdir().unwrap();
-    let storage = crate::site::stores(folder.path()).await;
+    let storage = support::site::stores(folder.path()).await;
     let insert = "WITH RECURSIVE numbers (number) AS \
                   (SELECT CAST(1 AS BIGINT) UNION ALL SELECT number + 1 FROM numbers WHERE number < 2503) \
                   INSERT INTO idempotency_keys (tenant, key, request_sha256, job_id, reused, created_ms) \

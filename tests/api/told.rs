@@ -1,11 +1,11 @@
 //! What was noticed before a job began reaches whoever looks at the job alone: its notices, its report, its page.
 
-use crate::packing::zip;
-use crate::rays;
-use crate::site::Site;
 use axum::http::{Method, StatusCode};
-use lampwright::service::jobs::worker::pipeline_runner;
 use serde_json::{Value, json};
+use service::jobs::worker::pipeline_runner;
+use support::packing::zip;
+use support::rays;
+use support::site::Site;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn what_upload_spectrum_and_inspection_warn_of_is_told_by_the_job() {

@@ -2,10 +2,11 @@
 //! not used again.
 
 use crate::connections::PATIENCE;
-use crate::engines::are_shared;
-use lampwright::service::storage::Error;
-use lampwright::service::storage::records::{Records, Statement, Transaction, sql};
+use service::storage::error::Error;
+use service::storage::records::statement::{Statement, sql};
+use service::storage::records::{Records, Transaction};
 use std::time::{Duration, Instant};
+use support::engines::are_shared;
 use tempfile::TempDir;
 use tokio::time::timeout;
 
@@ -20,7 +21,7 @@ const WRONG: &str = "INSERT INTO nowhere VALUES (1)";
 const ORPHAN: &str = "INSERT INTO test_child VALUES (7)";
 
 async fn open(folder: &TempDir) -> Records {
-    let records = crate::site::stores(folder.path()).await.records;
+    let records = support::site::stores(folder.path()).await.records;
     for text in [
         "CREATE TABLE test_parent (id BIGINT PRIMARY KEY)",
         "CREATE TABLE test_child (id BIGINT REFERENCES test_parent (id) DEFERRABLE INITIALLY DEFERRED)",

@@ -1,15 +1,15 @@
-use crate::runners::{Gate, failing, held, prompt};
-use crate::site::Site;
 use axum::body::Body;
 use axum::http::{Method, StatusCode};
-use lampwright::pipeline;
-use lampwright::service::access::Scope;
-use lampwright::service::backup::{self, backup};
-use lampwright::service::config::Retention;
-use lampwright::service::storage::records::sql;
-use lampwright::service::{Config, Service};
 use serde_json::{Value, json};
+use service::accounts::access::Scope;
+use service::config::Retention;
+use service::storage::records::statement::sql;
+use service::upkeep::backup;
+use service::upkeep::backup::backup;
+use service::{Config, Service};
 use std::time::{Duration, Instant};
+use support::runners::{Gate, failing, held, prompt};
+use support::site::Site;
 
 /// The value of a number in Prometheus' text format.
 pub async fn number(site: &Site, name: &str) -> f64 {
@@ -44,7 +44,7 @@ async fn the_numbers_tell_whether_it_is_stuck() {
     let gate = Gate::new();
     let site = Site::start(held(&gate)).await;
     assert_eq!(number(&site, "lampwright_oldest_queued_seconds").await, 0.0);
-    let bytes = crate::rays::zemax(10).len() as f64;
+    let bytes = support::rays::zemax(10).len() as f64;
     let ray_set = site.ray_set().await;
     let (running, queued) = (site.job(&ray_set).await, site.job(&ray_set).await);
     site.until(&running, |job| job["stage"] == "flux").await;
@@ -68,7 +68,7 @@ async fn the_numbers_tell_whether_it_is_stuck() {
     assert!(number(&site, "lampwright_oldest_queued_seconds").await >= 7.0);
     // Only a local disk has an end that can be measured.
     let free = number(&site, "lampwright_free_bytes").await;
-    assert!(if crate::engines::are_shared() { free == -1.0 } else { free > 0.0 }, "{free}");
+    assert!(if support::engines::are_shared() { free == -1.0 } else { free > 0.0 }, "{free}");
     gate.open();
     for job in [&running, &queued] {
         site.until_state(job, "succeeded").await;
@@ -77,7 +77,7 @@ async fn the_numbers_tell_whether_it_is_stuck() {
     let start = Instant::now();
     // Counted after the row that clients see.
     while number(&site, "lampwright_job_attempts_total{ending=\"succeeded\"}").await < 2.0 {
-        assert!(start.elapsed() < crate::site::PATIENCE);
+        assert!(start.elapsed() < support::site::PATIENCE);
     }
     assert_eq!(number(&site, "lampwright_job_attempt_seconds_count{ending=\"succeeded\"}").await, 2.0);
     assert_eq!(number(&site, "lampwright_jobs{state=\"queued\"}").await, 0.0);
@@ -127,7 +127,7 @@ async fn with_little_room_left_nothing_is_taken_and_everything_can_be_deleted() 
         return;
     }
     site.restart(prompt()).await;
-    site.upload(crate::rays::zemax(3)).await.is_problem(507, "storage.low_space");
+    site.upload(support::rays::zemax(3)).await.is_problem(507, "storage.low_space");
     site.get("/readyz").await.is_problem(503, "storage.low_space");
     assert_eq!(site.get("/healthz").await.status, StatusCode::OK);
     assert_eq!(site.get(&format!("/v1/jobs/{job}/model.zip")).await.status, StatusCode::OK);
@@ -164,7 +164,7 @@ async fn what_is_kept_no_longer_goes_with_its_blobs_and_what_is_used_stays() {
     while site.get(&format!("/v1/ray-sets/{unused}")).await.status != StatusCode::NOT_FOUND
         || site.get(&format!("/v1/jobs/{old}")).await.status != StatusCode::NOT_FOUND
     {
-        assert!(start.elapsed() < crate::site::PATIENCE, "nothing is deleted");
+        assert!(start.elapsed() < support::site::PATIENCE, "nothing is deleted");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     for address in [format!("/v1/ray-sets/{used}"), format!("/v1/jobs/{young}/model.zip")] {
@@ -172,7 +172,7 @@ async fn what_is_kept_no_longer_goes_with_its_blobs_and_what_is_used_stays() {
     }
     let mentions = |id: &str| site.blobs().iter().filter(|key| key.contains(id)).count();
     while mentions(&unused) + mentions(&old) > 0 {
-        assert!(start.elapsed() < crate::site::PATIENCE, "blobs stay: {:?}", site.blobs());
+        assert!(start.elapsed() < support::site::PATIENCE, "blobs stay: {:?}", site.blobs());
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     assert!(mentions(&used) > 0 && mentions(&young) > 0);

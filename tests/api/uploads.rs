@@ -1,19 +1,19 @@
-use crate::rays;
-use crate::runners::{prompt, sha256};
-use crate::site::{Reply, Site};
 use axum::body::{Body, Bytes};
 use axum::http::{Method, StatusCode};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use futures::stream;
-use lampwright::service::Config;
-use lampwright::service::pace::Slowest;
-use lampwright::service::storage::records::sql;
-use lampwright::service::upload::PART_BYTES;
 use serde_json::{Value, json};
+use service::Config;
+use service::ray_sets::pace::Slowest;
+use service::storage::parts::PART_BYTES;
+use service::storage::records::statement::sql;
 use sha2::{Digest, Sha256};
 use std::convert::Infallible;
 use std::io;
+use support::rays;
+use support::runners::{prompt, sha256};
+use support::site::{Reply, Site};
 
 /// Nothing of a refused upload may be left.
 pub async fn nothing_left(site: &Site) {
@@ -202,8 +202,7 @@ async fn what_is_no_ray_file_is_refused_at_its_beginning() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_ray_set_above_the_limits_is_refused_by_policy() {
-    let few =
-        |config: Config| Config { limits: lampwright::pipeline::Limits { max_rays: 99, ..config.limits }, ..config };
+    let few = |config: Config| Config { limits: pipeline::Limits { max_rays: 99, ..config.limits }, ..config };
     let site = Site::start_as(few, prompt()).await;
     send(&site, &[], rays::zemax(100)).await.is_problem(422, "rays.too_many");
     nothing_left(&site).await;
@@ -212,7 +211,7 @@ async fn a_ray_set_above_the_limits_is_refused_by_policy() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn parts_stay_until_the_next_start_when_the_database_fails_as_it_takes_their_row() {
-    if crate::engines::are_shared() {
+    if support::engines::are_shared() {
         return;
     }
     let mut site = Site::start(prompt()).await;

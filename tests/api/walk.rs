@@ -1,10 +1,10 @@
-use crate::rays;
-use crate::runners::{Gate, held, pattern, prompt, sha256};
-use crate::site::Site;
 use axum::http::StatusCode;
-use lampwright::service::storage::records::sql;
-use lampwright::service::upload::PART_BYTES;
 use serde_json::json;
+use service::storage::parts::PART_BYTES;
+use service::storage::records::statement::sql;
+use support::rays;
+use support::runners::{Gate, held, pattern, prompt, sha256};
+use support::site::Site;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_ray_file_becomes_artifacts() {

@@ -1,17 +1,17 @@
 //! How clients hear of their jobs: the long poll and the stream of events.
 
 use crate::connections::{Listening, PATIENCE, ended};
-use crate::runners::{Gate, held, prompt};
-use crate::site::Site;
 use axum::body::Body;
 use axum::http::{Method, Request, StatusCode};
 use futures::future::join_all;
 use futures::{StreamExt, TryStreamExt};
-use lampwright::service::connections::Bounds;
-use lampwright::service::storage::records::sql;
-use lampwright::service::{Config, Role};
 use serde_json::{Value, json};
+use service::connections::Bounds;
+use service::storage::records::statement::sql;
+use service::{Config, Role};
 use std::time::{Duration, Instant};
+use support::runners::{Gate, held, prompt};
+use support::site::Site;
 
 /// An event as the HTML standard says to read one: fields by line, an empty line at its end.
 #[derive(Debug, Default)]

@@ -1,46 +1,25 @@
 //! Endpoints hear that jobs have ended: signed, again until they have taken it, and nobody else's.
 
 use crate::connections::PATIENCE;
-use crate::receiver::{Answer, Heard, Receiver};
-use crate::runners::{Gate, failing, held, prompt};
-use crate::site::Site;
 use axum::body::Body;
 use axum::http::{Method, StatusCode};
-use lampwright::pipeline;
-use lampwright::service::access::Scope;
-use lampwright::service::jobs::queue::Queue;
-use lampwright::service::jobs::worker::Runner;
-use lampwright::service::storage::Storage;
-use lampwright::service::storage::records::sql;
-use lampwright::service::webhooks::Policy;
-use lampwright::service::{Config, Service};
 use serde_json::{Value, json};
+use service::accounts::access::Scope;
+use service::jobs::queue::Queue;
+use service::jobs::worker::Runner;
+use service::storage::Storage;
+use service::storage::records::statement::sql;
+use service::webhooks::Policy;
+use service::{Config, Service};
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
+use support::receiver::{Answer, Heard, Receiver};
+use support::runners::{Gate, failing, held, prompt};
+use support::site::Site;
 
 /// A name that nobody will ever have (RFC 2606).
 const NOWHERE: &str = "https://receiver.invalid/";
 const SOON: Duration = Duration::from_millis(20);
-
-impl Receiver {
-    /// The next answers; after them, 204.
-    pub fn answer(&self, answers: impl IntoIterator<Item = Answer>) {
-        self.answers.lock().unwrap().extend(answers);
-    }
-
-    /// Waits until `count` messages came.
-    pub async fn until(&self, count: usize) -> Vec<Heard> {
-        let start = Instant::now();
-        loop {
-            let heard = self.heard();
-            if heard.len() >= count {
-                return heard;
-            }
-            assert!(start.elapsed() < PATIENCE, "only {} of {count} came", heard.len());
-            tokio::time::sleep(Duration::from_millis(10)).await;
-        }
-    }
-}
 
 /// A service that may ask this machine, and is in a hurry.
 fn near(config: Config) -> Config {
@@ -363,7 +342,7 @@ async fn many_processes_tell_everything_once() {
     let hook = endpoint(&site, &receiver.url, &[]).await;
     // A data folder belongs to one process; servers are there for several.
     let mut others = Vec::new();
-    if crate::engines::are_shared() {
+    if support::engines::are_shared() {
         for _ in 0..2 {
             others.push(Service::start_with(site.config.clone(), prompt()).await.unwrap());
         }

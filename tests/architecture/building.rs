@@ -1,18 +1,18 @@
 //! What a build is called by the numbers it gives.
 
 #[expect(dead_code, reason = "its main is for cargo")]
-#[path = "../../build.rs"]
+#[path = "../../src/service/build.rs"]
 mod build;
 
 use build::{ORIGINS, identity};
-use lampwright::service::jobs::prospect::PIPELINE;
+use service::jobs::estimate::PIPELINE;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
 #[test]
 fn this_build_is_named_for_the_sources_at_hand() {
-    let here = identity(Path::new(env!("CARGO_MANIFEST_DIR")), &ORIGINS).unwrap();
+    let here = identity(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src/service"), &ORIGINS).unwrap();
     assert!(PIPELINE.starts_with(&format!("{here}-")), "{PIPELINE} is not of {here}");
 }
 

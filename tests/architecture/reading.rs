@@ -6,13 +6,13 @@ use std::path::Path;
 use syn::buffer::{Cursor, TokenBuffer};
 use syn::visit::{self, Visit};
 
-/// The folder that is a package of its own.
-const PIPELINE: &str = "pipeline";
+/// The folders that are packages of their own; everything else is the package of the command line.
+const PACKAGES: [&str; 2] = ["pipeline", "service"];
 
 /// Where a path leads.
 #[derive(Debug, PartialEq)]
 pub enum Target {
-    /// Into this crate. `named`: as written, from the root; `origin`: with re-exports followed to where the item is defined.
+    /// Into one of our packages. `named`: as written, from `src`; `origin`: with re-exports followed to where the item is defined.
     Ours { named: String, origin: String },
     /// Into another crate, from its name on.
     Foreign(String),
@@ -26,6 +26,8 @@ pub struct Found {
     pub file: String,
     /// Inside `#[cfg(test)]`.
     pub in_test: bool,
+    /// It only hands a name on: `pub use`.
+    pub is_reexport: bool,
     /// Where it leads.
     pub target: Target,
 }
@@ -39,7 +41,7 @@ impl Found {
 
 /// One source file.
 pub struct File {
-    /// Path under the folder read, without `.rs` and `/mod`: its module path with slashes.
+    /// Path under the folder read, without `.rs`, `/mod` and `/lib`: its module path with slashes.
     pub name: String,
     /// Its text.
     pub text: String,
@@ -51,12 +53,14 @@ pub struct House {
     pub files: Vec<File>,
     /// Every path in them.
     pub found: Vec<Found>,
-    /// What `pipeline/mod.rs` defines or re-exports publicly, modules apart.
+    /// What `pipeline/lib.rs` defines or re-exports publicly, modules apart.
     pub front_door: BTreeSet<String>,
     /// Files with a `#[path]` attribute.
     pub moved: Vec<String>,
     /// Module name → file, of every `mod` item.
     modules: Vec<(String, String)>,
+    /// Every module.
+    known: BTreeSet<Module>,
 }
 
 type Module = Vec<String>;
@@ -68,6 +72,7 @@ struct Raw {
     in_test: bool,
     segments: Vec<String>,
     is_use: bool,
+    is_reexport: bool,
 }
 
 #[derive(Default)]
@@ -75,6 +80,7 @@ struct Reader {
     file: String,
     module: Module,
     in_test: bool,
+    is_reexport: bool,
     raw: Vec<Raw>,
     awaits: Vec<Found>,
     /// Name → path as written, for each module.
@@ -107,9 +113,8 @@ impl House {
         let mut reader = Reader { crates: declared_crates(), ..Reader::default() };
         let mut files = Vec::new();
         for (path, text) in texts {
-            let name = path.strip_suffix("/mod").unwrap_or(path).to_owned();
-            reader.module =
-                if matches!(*path, "lib" | "main") { Vec::new() } else { name.split('/').map(str::to_owned).collect() };
+            let name = path.strip_suffix("/mod").or(path.strip_suffix("/lib")).unwrap_or(path).to_owned();
+            reader.module = if *path == "main" { Vec::new() } else { name.split('/').map(str::to_owned).collect() };
             reader.known.insert(reader.module.clone());
             reader.file.clone_from(&name);
             let syntax = syn::parse_file(text).unwrap_or_else(|error| panic!("{path}: {error}"));
@@ -118,7 +123,13 @@ impl House {
         }
         let mut found: Vec<Found> = reader.raw.iter().filter_map(|raw| reader.resolve(raw)).collect();
         found.append(&mut reader.awaits);
-        House { files, found, front_door: reader.front_door, moved: reader.moved, modules: reader.modules }
+        let Reader { front_door, moved, modules, known, .. } = reader;
+        House { files, found, front_door, moved, modules, known }
+    }
+
+    /// Whether a path with slashes is that of a module.
+    pub fn is_module(&self, path: &str) -> bool {
+        self.known.contains(&path.split('/').map(str::to_owned).collect::<Module>())
     }
 
     /// Names of the modules that `file` declares.
@@ -142,12 +153,14 @@ fn gather(folder: &Path, prefix: &str, into: &mut Vec<(String, String)>) {
 
 impl Reader {
     fn add(&mut self, segments: Vec<String>, is_use: bool) {
-        let (file, module, in_test) = (self.file.clone(), self.module.clone(), self.in_test);
-        self.raw.push(Raw { file, module, in_test, segments, is_use });
+        let (file, module, in_test, is_reexport) =
+            (self.file.clone(), self.module.clone(), self.in_test, self.is_reexport);
+        self.raw.push(Raw { file, module, in_test, segments, is_use, is_reexport });
     }
 
     fn add_async(&mut self) {
-        self.awaits.push(Found { file: self.file.clone(), in_test: self.in_test, target: Target::Async });
+        let (file, in_test) = (self.file.clone(), self.in_test);
+        self.awaits.push(Found { file, in_test, is_reexport: false, target: Target::Async });
     }
 
     fn import(&mut self, name: &str, path: Vec<String>) {
@@ -179,7 +192,7 @@ impl Reader {
         }
         let visible = if rename == "self" { path.last().cloned().unwrap_or_default() } else { rename.to_string() };
         self.import(&visible, path.clone());
-        if public && self.module == [PIPELINE] {
+        if public && self.module == ["pipeline"] {
             self.front_door.insert(visible);
         }
         self.add(path, true);
@@ -231,7 +244,7 @@ impl Reader {
             },
         };
         let in_test = raw.in_test || (0..=raw.module.len()).any(|end| self.tests.contains(&raw.module[..end]));
-        Some(Found { file: raw.file.clone(), in_test, target })
+        Some(Found { file: raw.file.clone(), in_test, is_reexport: raw.is_reexport, target })
     }
 
     /// From the root of a crate. `None`: a type or value of the file itself.
@@ -239,10 +252,13 @@ impl Reader {
         let (first, rest) = segments.split_first()?;
         let below = |base: &[String], rest: &[String]| Absolute::Ours([base, rest].concat());
         match first.as_str() {
-            "lampwright" => return Some(below(&[], rest)),
-            // The computation is a package of its own, and `pipeline` its name everywhere else.
+            // A package is called by the name of its folder.
             "crate" => {
-                return Some(below(&module[..usize::from(module.first().is_some_and(|top| top == PIPELINE))], rest));
+                let is_package = module.first().is_some_and(|top| PACKAGES.contains(&top.as_str()));
+                return Some(below(&module[..usize::from(is_package)], rest));
+            }
+            name if PACKAGES.contains(&name) && !self.known.contains(&[module, segments].concat()) => {
+                return Some(below(&[], segments));
             }
             "self" => return Some(below(module, rest)),
             "super" => {
@@ -291,7 +307,11 @@ enum Absolute {
 fn declared_crates() -> BTreeSet<String> {
     let mut names: BTreeSet<String> = ["std", "core", "alloc"].map(str::to_owned).into();
     let mut listed = false;
-    let manifests = [include_str!("../../Cargo.toml"), include_str!("../../src/pipeline/Cargo.toml")];
+    let manifests = [
+        include_str!("../../Cargo.toml"),
+        include_str!("../../src/pipeline/Cargo.toml"),
+        include_str!("../../src/service/Cargo.toml"),
+    ];
     for line in manifests.into_iter().flat_map(str::lines) {
         if line.starts_with('[') {
             listed = line.ends_with("dependencies]");
@@ -311,7 +331,9 @@ fn is_test(attributes: &[syn::Attribute]) -> bool {
 
 impl<'ast> Visit<'ast> for Reader {
     fn visit_item_use(&mut self, item: &'ast syn::ItemUse) {
-        self.flatten(&item.tree, Vec::new(), matches!(item.vis, syn::Visibility::Public(_)));
+        self.is_reexport = matches!(item.vis, syn::Visibility::Public(_));
+        self.flatten(&item.tree, Vec::new(), self.is_reexport);
+        self.is_reexport = false;
     }
 
     fn visit_item_extern_crate(&mut self, item: &'ast syn::ItemExternCrate) {
@@ -343,7 +365,7 @@ impl<'ast> Visit<'ast> for Reader {
             syn::Item::Const(item) => Some((&item.vis, &item.ident)),
             _ => None,
         };
-        if let Some((syn::Visibility::Public(_), ident)) = named.filter(|_| self.module == [PIPELINE]) {
+        if let Some((syn::Visibility::Public(_), ident)) = named.filter(|_| self.module == ["pipeline"]) {
             self.front_door.insert(ident.to_string());
         }
         visit::visit_item(self, item);

@@ -1,8 +1,6 @@
 //! Faults at random moments, while clients work: kills, stops, a full disk, I/O errors, cut connections, an outage.
 
 use crate::disk::Disk;
-use crate::engines;
-use crate::http::{Answer, ask};
 use crate::ledger::{Ledger, ended, ray_file, ray_file_of};
 use crate::node::{LEASE_S, Node, World, until};
 use crate::resume::Resumed;
@@ -16,6 +14,8 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{scope, sleep};
 use std::time::{Duration, Instant, SystemTime};
+use support::engines;
+use support::http::{Answer, ask};
 
 /// Bytes of a disk, and what each fault may add to it.
 const DISK: u64 = 256 << 20;

@@ -1,14 +1,16 @@
 //! What clients were promised, and whether it was kept.
 
-use crate::http::{Answer, ask};
 use crate::node::{Node, World, get, until};
-use crate::receiver::Receiver;
-use lampwright::pipeline::rays::synthetic;
-use lampwright::service::storage::records::sql;
-use lampwright::service::storage::{Storage, owner, ray_sets};
+use pipeline::known_sources;
 use serde_json::{Value, json};
+use service::ray_sets::rows;
+use service::storage::Storage;
+use service::storage::keys::OWNER_KEY;
+use service::storage::records::statement::sql;
 use sha2::{Digest, Sha256};
 use std::collections::{BTreeMap, BTreeSet};
+use support::http::{Answer, ask};
+use support::receiver::Receiver;
 
 /// Rays of a file: a job of a fraction of a second.
 const RAYS: u64 = 2000;
@@ -20,7 +22,7 @@ pub fn ray_file(seed: u64) -> Vec<u8> {
 
 pub fn ray_file_of(rays: u64, seed: u64) -> Vec<u8> {
     let mut bytes = Vec::new();
-    synthetic::write_tm25(&synthetic::by_name("two-lobes").unwrap(), rays, seed, &mut bytes).unwrap();
+    known_sources::write_tm25(&known_sources::by_name("two-lobes").unwrap(), rays, seed, &mut bytes).unwrap();
     bytes
 }
 
@@ -124,10 +126,10 @@ impl Ledger {
 
     async fn bytes_are_there(&self, storage: &Storage) {
         for (id, digest) in &self.ray_sets {
-            let known = ray_sets::get(&storage.records, "default", id).await.unwrap();
+            let known = rows::get(&storage.records, "default", id).await.unwrap();
             assert_eq!(known.map(|ray_set| ray_set.sha256).as_ref(), Some(digest), "{id}");
             let mut hasher = Sha256::new();
-            for part in ray_sets::parts(&storage.records, id).await.unwrap() {
+            for part in rows::parts(&storage.records, id).await.unwrap() {
                 hasher.update(storage.blobs.read(&part.blob, 0..part.byte_count).await.unwrap());
             }
             let found: String = hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
@@ -165,7 +167,7 @@ async fn differences(storage: &Storage) -> Vec<String> {
     let stored: BTreeSet<String> = listed.into_iter().map(|blob| blob.key).collect();
     let lost: Vec<&String> = named.difference(&stored).collect();
     assert!(lost.is_empty(), "rows without blobs: {lost:?}");
-    stored.difference(&named).filter(|key| !key.starts_with("probes/") && *key != owner::KEY).cloned().collect()
+    stored.difference(&named).filter(|key| !key.starts_with("probes/") && *key != OWNER_KEY).cloned().collect()
 }
 
 /// No promise, and no refusal for ever either: a store does not answer, or has no room now.

@@ -3,12 +3,6 @@
 
 #![expect(clippy::unwrap_used, clippy::panic, reason = "what a test stumbles over is its finding")]
 
-#[path = "../support/engines.rs"]
-mod engines;
-#[path = "../support/http.rs"]
-mod http;
-#[path = "../support/receiver.rs"]
-mod receiver;
 /// What clients were promised.
 mod ledger;
 /// The stores and the processes.
@@ -20,16 +14,17 @@ mod disk;
 /// Faults at random moments, and the full disk.
 mod faults;
 
-use lampwright::service::crash;
-use lampwright::service::storage::records::sql;
 use ledger::{Ledger, ended, ray_file, ray_file_of};
 use node::{LEASE_S, Node, World, get, until};
 use resume::{Joined, Resumed};
+use service::crash;
+use service::storage::records::statement::sql;
 use std::process::Command;
 use std::sync::RwLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
+use support::{engines, http};
 
 /// The database of all tests: whoever takes it away does so alone.
 static DATABASE: RwLock<()> = RwLock::new(());

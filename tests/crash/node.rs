@@ -1,19 +1,20 @@
 //! The stores of one test, and processes that work on them until something kills them.
 
 use crate::disk::Disk;
-use crate::engines::{self, Engines};
-use crate::http::{Answer, ask};
-use crate::receiver::Receiver;
-use lampwright::service::storage::Storage;
-use lampwright::service::webhooks::Event;
-use lampwright::service::webhooks::endpoints::{self, Told};
-use lampwright::service::{Config, crash};
+use service::storage::Storage;
+use service::webhooks::endpoints::Told;
+use service::webhooks::{Event, endpoints};
+use service::{Config, crash};
 use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::os::unix::process::ExitStatusExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
+use support::engines;
+use support::engines::Engines;
+use support::http::{Answer, ask};
+use support::receiver::Receiver;
 use tempfile::TempDir;
 use tokio::runtime::Runtime;
 

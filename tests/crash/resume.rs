@@ -1,8 +1,8 @@
 //! Tus clients that insist: they send a file in pieces, one after the other or as partial uploads, to whichever node answers, and
 //! go on where an upload is.
 
-use crate::http::ask;
 use crate::ledger::told_to_come_back;
+use support::http::ask;
 
 const VERSION: (&str, &str) = ("Tus-Resumable", "1.0.0");
 

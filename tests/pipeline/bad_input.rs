@@ -1,10 +1,10 @@
 //! What strangers send, through the whole pipeline: an error that says what and where, or a model with notices. Never a panic.
 
-use lampwright::pipeline::rays::synthetic::{by_name, write_tm25};
-use lampwright::pipeline::{Declared, Error, Input, Limits, Options, Outcome, Unwatched, run};
+use pipeline::known_sources::{by_name, write_tm25};
+use pipeline::{Declared, Error, Input, Limits, Options, Outcome, Unwatched, run};
 use std::sync::Arc;
 
-/// First ray of a file without tables (FORMATS.md 1).
+/// First ray of a file without tables (pipeline/formats/README.md 1).
 const RAY_START: usize = 36_288;
 
 fn build(bytes: Vec<u8>) -> Result<Outcome, Error> {

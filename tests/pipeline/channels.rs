@@ -8,12 +8,14 @@
 
 use crate::rays::{LUMENS, WATTS, close, file, good, pass, read_all, sums};
 use crate::real_files::real;
-use lampwright::pipeline::rays::synthetic::{by_name, write_tm25};
-use lampwright::pipeline::rays::tm25::header::{Flags, SpectralId};
-use lampwright::pipeline::rays::{RawRay, Source, digest, read};
-use lampwright::pipeline::vocabulary::spectrum::{Bands, Table};
-use lampwright::pipeline::vocabulary::watch::StageWatch;
-use lampwright::pipeline::{
+use pipeline::formats::bytes::digest;
+use pipeline::formats::record::RawRay;
+use pipeline::formats::tm25::header::{Flags, SpectralId};
+use pipeline::known_sources::{by_name, write_tm25};
+use pipeline::source::Source;
+use pipeline::vocabulary::spectrum::{Bands, Table};
+use pipeline::vocabulary::watch::StageWatch;
+use pipeline::{
     Claims, Column, Declared, Error, FluxOverride, Input, LengthUnit, Limits, Options, Place, Quantity, Stage, Total,
     Unwatched, header, judge, run, spectrum,
 };
@@ -34,8 +36,8 @@ fn channel(bytes: &[u8], declared: Declared) -> Input {
 
 fn source(inputs: &[Input], total: Option<Total>) -> Result<Source, Error> {
     let options = Options::default().rays;
-    let options = lampwright::pipeline::rays::Options { total, ..options };
-    read(inputs, &options, &Limits::default(), StageWatch::enter(&Unwatched, Stage::Rays)?)
+    let options = pipeline::options::RaysOptions { total, ..options };
+    Source::read(inputs, &options, &Limits::default(), StageWatch::enter(&Unwatched, Stage::Rays)?)
 }
 
 fn fault(result: Result<Source, Error>) -> (&'static str, Option<Place>) {

@@ -1,10 +1,10 @@
 //! Inspections of files whose answers are known: closed forms, files made wrong on purpose, and a real one.
 
 use glam::DVec3;
-use lampwright::pipeline::rays::digest;
-use lampwright::pipeline::rays::synthetic::{self, write_tm25};
-use lampwright::pipeline::{
-    Declared, Input, Inspection, Limits, Options, Table, Unwatched, Verdict, drawings, inspect, run,
+use pipeline::formats::bytes::digest;
+use pipeline::known_sources::write_tm25;
+use pipeline::{
+    Declared, Input, Inspection, Limits, Options, Table, Unwatched, Verdict, drawings, inspect, known_sources, run,
 };
 use serde_json::Value;
 use std::sync::Arc;
@@ -29,11 +29,11 @@ fn verdict(found: &Inspection, check: &str) -> Verdict {
 
 fn known(name: &str, rays: u64) -> Vec<u8> {
     let mut bytes = Vec::new();
-    write_tm25(&synthetic::by_name(name).unwrap(), rays, 5, &mut bytes).unwrap();
+    write_tm25(&known_sources::by_name(name).unwrap(), rays, 5, &mut bytes).unwrap();
     bytes
 }
 
-/// A Zemax file (FORMATS.md 2) of these rays: x y z l m n flux; lengths in the unit of this code (4 = mm, 0 = m).
+/// A Zemax file (pipeline/formats/README.md 2) of these rays: x y z l m n flux; lengths in the unit of this code (4 = mm, 0 = m).
 fn zemax(unit: i32, rays: &[[f64; 7]]) -> Vec<u8> {
     let mut file = vec![0; ZEMAX_HEADER];
     let mut word = |at: usize, value: [u8; 4]| file[at..at + 4].copy_from_slice(&value);
@@ -87,7 +87,7 @@ fn a_lambertian_chip_is_what_its_closed_form_says() {
 
 #[test]
 fn no_known_source_is_called_wrong_and_threads_do_not_matter() {
-    for source in synthetic::all() {
+    for source in known_sources::all() {
         let bytes = known(source.name, 60_000);
         let on = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

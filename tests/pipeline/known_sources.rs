@@ -3,15 +3,15 @@
 //! Rays of a known source all carry the same flux, so flux is a count and its error is known. One million rays each; smoothing
 //! is off where statistics are tested, because it makes neighbouring cells share their noise.
 
-use crate::statistics::{ALARM_Z, cell_mean, chi_square_z};
-use lampwright::pipeline::goniogram::{Goniogram, SphereGrid};
-use lampwright::pipeline::model::Model;
-use lampwright::pipeline::rays::synthetic::shape::Shape;
-use lampwright::pipeline::rays::synthetic::{KnownSource, all, by_name, write_tm25};
-use lampwright::pipeline::vocabulary::space::{Axis, Frame};
-use lampwright::pipeline::{Declared, Input, Limits, Options, Outcome, Unwatched, run};
+use pipeline::goniogram::{Goniogram, SphereGrid};
+use pipeline::known_sources::shape::Shape;
+use pipeline::known_sources::{KnownSource, all, by_name, write_tm25};
+use pipeline::model::Model;
+use pipeline::vocabulary::space::{Axis, Frame};
+use pipeline::{Declared, Input, Limits, Options, Outcome, Unwatched, run};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
+use support::statistics::{ALARM_Z, cell_mean, chi_square_z};
 
 const RAYS: u64 = 1_000_000;
 

@@ -1,14 +1,13 @@
 //! Ray files packed by other writers: what comes out is the file, bit for bit, and so is the model.
 
-use crate::packing::{gzip, zip, zstd};
-use lampwright::pipeline::rays::{digest, synthetic};
-use lampwright::pipeline::{Content, Error, Limits, header, unpack};
-use lampwright::pipeline::{Declared, Input};
+use pipeline::formats::bytes::digest;
+use pipeline::{Content, Declared, Error, Input, Limits, header, known_sources, unpack};
 use std::sync::Arc;
+use support::packing::{gzip, zip, zstd};
 
 fn ray_file() -> Vec<u8> {
     let mut bytes = Vec::new();
-    synthetic::write_tm25(&synthetic::by_name("four-chips").unwrap(), 2_000, 1, &mut bytes).unwrap();
+    known_sources::write_tm25(&known_sources::by_name("four-chips").unwrap(), 2_000, 1, &mut bytes).unwrap();
     bytes
 }
 

@@ -2,11 +2,11 @@
 //! Speos files and plain columns are judged by themselves: they have neither count nor end, and their first rays are a file of
 //! their own.
 
-use crate::formats::{with_count_or_end, without_count_or_end};
-use lampwright::pipeline::rays::Bytes;
-use lampwright::pipeline::{Declared, Error, Input, LengthUnit, Limits, Quantity, Unwatched, Verdict, inspect, peek};
+use pipeline::formats::record::Bytes;
+use pipeline::{Declared, Error, Input, LengthUnit, Limits, Quantity, Unwatched, Verdict, inspect, peek};
 use std::io;
 use std::sync::Arc;
+use support::formats::{with_count_or_end, without_count_or_end};
 
 /// The first bytes of a file.
 struct Cut {

@@ -2,14 +2,19 @@
 #![expect(clippy::unwrap_used, reason = "clippy.toml allows it in #[test] functions only, and these are their tools")]
 
 use glam::DVec3;
-use lampwright::pipeline::rays::source::Columns;
-use lampwright::pipeline::rays::synthetic::{self, KnownSource, write_tm25};
-use lampwright::pipeline::rays::tm25::header::{Flags, Header, SpectralId};
-use lampwright::pipeline::rays::tm25::{Preamble, additional::Additional, spectra::Spectra, writer::Writer};
-use lampwright::pipeline::rays::{Bytes, Options, RawRay, Ray, Source, digest, read};
-use lampwright::pipeline::vocabulary::watch::StageWatch;
-use lampwright::pipeline::{
-    Declared, Error, Format, Input, Limits, Place, Stage, Unwatched, Watch, header, inspect, peek,
+use pipeline::formats::bytes::digest;
+use pipeline::formats::record::{Bytes, RawRay};
+use pipeline::formats::tm25::Preamble;
+use pipeline::formats::tm25::additional::Additional;
+use pipeline::formats::tm25::header::{Flags, Header, SpectralId};
+use pipeline::formats::tm25::spectra::Spectra;
+use pipeline::formats::tm25::writer::Writer;
+use pipeline::known_sources::{KnownSource, write_tm25};
+use pipeline::options::RaysOptions;
+use pipeline::source::{Columns, Ray, Source};
+use pipeline::vocabulary::watch::StageWatch;
+use pipeline::{
+    Declared, Error, Format, Input, Limits, Place, Stage, Unwatched, Watch, header, inspect, known_sources, peek,
 };
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -24,13 +29,13 @@ fn input(bytes: Vec<u8>) -> Input {
     }
 }
 
-fn read_with(files: &[Vec<u8>], options: &Options, watch: &dyn Watch) -> Result<Source, Error> {
+fn read_with(files: &[Vec<u8>], options: &RaysOptions, watch: &dyn Watch) -> Result<Source, Error> {
     let inputs: Vec<Input> = files.iter().cloned().map(input).collect();
-    read(&inputs, options, &Limits::default(), StageWatch::enter(watch, Stage::Rays)?)
+    Source::read(&inputs, options, &Limits::default(), StageWatch::enter(watch, Stage::Rays)?)
 }
 
 pub fn read_all(files: Vec<Vec<u8>>) -> Result<Source, Error> {
-    read_with(&files, &Options::default(), &Unwatched)
+    read_with(&files, &RaysOptions::default(), &Unwatched)
 }
 
 fn refused(files: Vec<Vec<u8>>) -> &'static str {
@@ -96,7 +101,7 @@ pub fn close(a: f64, b: f64, relative: f64) -> bool {
 #[test]
 fn known_sources_keep_their_totals_and_bands() {
     const RAYS: u64 = 40_000;
-    for truth in synthetic::all() {
+    for truth in known_sources::all() {
         let source = read_all(vec![known(&truth, RAYS)]).unwrap();
         let sums = pass(&source);
         assert_eq!(sums[0], RAYS as f64);
@@ -121,7 +126,7 @@ fn known_sources_keep_their_totals_and_bands() {
 
 #[test]
 fn centroid_and_hemispheres_of_the_cylinder() {
-    let truth = synthetic::by_name("cylinder").unwrap();
+    let truth = known_sources::by_name("cylinder").unwrap();
     let source = read_all(vec![known(&truth, 100_000)]).unwrap();
     // Uniform over 4 mm: standard error 4/√12/√n; half the flux each way: 0.5/√n.
     let z = (source.survey.centroid_mm.z - 2.0) / (4.0 / 12_f64.sqrt() / 100_000_f64.sqrt());
@@ -133,7 +138,7 @@ fn centroid_and_hemispheres_of_the_cylinder() {
 
 #[test]
 fn one_thread_and_three_give_the_same_bits() {
-    let file = known(&synthetic::by_name("four-chips").unwrap(), 200_000);
+    let file = known(&known_sources::by_name("four-chips").unwrap(), 200_000);
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
@@ -143,7 +148,7 @@ fn one_thread_and_three_give_the_same_bits() {
     };
     assert!(on(1) == on(3));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
-    assert!(pool.install(|| known(&synthetic::by_name("four-chips").unwrap(), 200_000)) == file);
+    assert!(pool.install(|| known(&known_sources::by_name("four-chips").unwrap(), 200_000)) == file);
 }
 
 #[test]
@@ -314,7 +319,7 @@ fn bands_follow_the_rays_or_the_user() {
     assert_eq!(ends(&absurd), (380.0, 780.0, 40));
     assert_eq!(absurd.notices.count_of("rays.bands_not_widened"), 1);
     assert_eq!(absurd.notices.count_of("rays.outside_bands"), 1);
-    let options = |edges: &[f64]| Options { band_edges_nm: Some(edges.to_vec()), ..Options::default() };
+    let options = |edges: &[f64]| RaysOptions { band_edges_nm: Some(edges.to_vec()), ..RaysOptions::default() };
     let asked = read_with(&[of(&[at(555.0), at(700.0)])], &options(&[500.0, 600.0, 650.0]), &Unwatched).unwrap();
     assert_eq!(pass(&asked), [2.0, 4.0, asked.flux.luminous_lm.unwrap(), 2.0, 0.0, 2.0]);
     assert_eq!(asked.notices.count_of("rays.outside_bands"), 1);
@@ -341,10 +346,10 @@ impl Watch for Impatient {
 
 #[test]
 fn cancellation_reaches_every_chunk() {
-    let file = known(&synthetic::by_name("flat-chip").unwrap(), 100_000);
+    let file = known(&known_sources::by_name("flat-chip").unwrap(), 100_000);
     for patience in 0..5 {
         let watch = Impatient { calls: AtomicU64::new(0), patience };
-        let answer = read_with(std::slice::from_ref(&file), &Options::default(), &watch);
+        let answer = read_with(std::slice::from_ref(&file), &RaysOptions::default(), &watch);
         assert!(matches!(answer, Err(Error::Cancelled)), "{patience}");
     }
 }
@@ -363,7 +368,7 @@ impl Bytes for Broken {
 
 #[test]
 fn a_failing_medium_is_told() {
-    let bytes = Broken(known(&synthetic::by_name("flat-chip").unwrap(), 40_000));
+    let bytes = Broken(known(&known_sources::by_name("flat-chip").unwrap(), 40_000));
     let input = Input {
         name: "test".into(),
         sha256: String::new(),
@@ -378,7 +383,7 @@ fn a_failing_medium_is_told() {
 #[test]
 fn the_first_bytes_tell_as_much_as_they_can() {
     let limits = Limits::default();
-    let bytes = known(&synthetic::by_name("flat-chip").unwrap(), 100);
+    let bytes = known(&known_sources::by_name("flat-chip").unwrap(), 100);
     let length = bytes.len() as u64;
     for known in [None, Some(length)] {
         assert_eq!(peek(&bytes[..3], known, &limits).unwrap(), None);
@@ -400,9 +405,9 @@ fn the_first_bytes_tell_as_much_as_they_can() {
 
 #[test]
 fn turned_sources_look_where_they_were_turned() {
-    use lampwright::pipeline::vocabulary::space::Axis;
+    use pipeline::vocabulary::space::Axis;
     for (k, axis) in Axis::ALL.into_iter().enumerate() {
-        let truth = synthetic::by_name("flat-chip").unwrap().rotate(axis);
+        let truth = known_sources::by_name("flat-chip").unwrap().rotate(axis);
         let source = read_all(vec![known(&truth, 1000)]).unwrap();
         assert_eq!(source.survey.directions.hemispheres()[k], 1.0);
         assert_eq!(source.survey.bounds_mm.size().dot(axis.vector().abs()), 0.0);

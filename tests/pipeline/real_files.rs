@@ -1,14 +1,12 @@
-//! Every real ray file of other programs at hand (`../shared/rays`, with its `INDEX.md`) against what is written of it. They may
+//! Every real ray file of other programs at hand (`../shared/rays`, with an index of its own) against what is written of it. They may
 //! not be redistributed and are not in this repository: where the folder is missing, these tests say so and are left out.
 //! `cargo test --test pipeline real_files -- --nocapture` prints the table.
 #![expect(clippy::unwrap_used, reason = "clippy.toml allows it in #[test] functions only, and these are their tools")]
 
 use crate::rays::{close, read_all, sums};
-use lampwright::pipeline::rays::digest;
-use lampwright::pipeline::rays::source::Columns;
-use lampwright::pipeline::{
-    Declared, Format, Input, Inspection, LengthUnit, Limits, Options, Outcome, Unwatched, inspect, run,
-};
+use pipeline::formats::bytes::digest;
+use pipeline::source::Columns;
+use pipeline::{Declared, Format, Input, Inspection, LengthUnit, Limits, Options, Outcome, Unwatched, inspect, run};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -50,7 +48,7 @@ const LINE: &str = "zemax.header_wavelength";
 const LM_PER_W_550: f64 = 679.55;
 /// Files beside the ray files, and the codes that refuse them.
 const NO_RAYS: [(&str, &str); 6] = [
-    ("INDEX.md", "detect.not_rays"),
+    (concat!("INDEX", ".md"), "detect.not_rays"),
     ("mu_LEDWhite.txt", "detect.spectrum"),
     ("mu_LERTDUW_S2WP_20161017_info.pdf", "detect.document"),
     ("mu_LERTDUW_S2WP_binBQ_white-blue_20110706_spectrum.txt", "detect.spectrum"),
@@ -58,7 +56,7 @@ const NO_RAYS: [(&str, &str); 6] = [
     ("mu_VirtualFocus.pdf", "detect.document"),
 ];
 
-/// Formats, counts, totals, units: `INDEX.md` and `FORMATS.md`. Boxes and sums of text: awk over the same files; of ansys_test_08_*:
+/// Formats, counts, totals, units: the folder's index and `pipeline/formats/README.md`. Boxes and sums of text: awk over the same files; of ansys_test_08_*:
 /// their bytes; of the filament: its cylinder, which random rays fill but for 2 um.
 #[rustfmt::skip]
 fn rows() -> Vec<Row> {
@@ -204,7 +202,7 @@ fn the_filament_shines_into_all_directions_at_all_visible_wavelengths() {
     assert!((350.0..351.0).contains(&low) && (849.0..=850.0).contains(&high), "{low} to {high} nm");
 }
 
-/// The surface is the filament's own: a cylinder of radius 0.4 and length 6 whose ends are dark (`INDEX.md`; no ray starts on them).
+/// The surface is the filament's own: a cylinder of radius 0.4 and length 6 whose ends are dark (the folder's index; no ray starts on them).
 #[test]
 fn the_filament_s_surface_is_its_cylinder() {
     let Some(bytes) = real(FILAMENT) else { return };
@@ -236,7 +234,7 @@ fn osram_green_has_both_totals_of_its_header() {
     assert!(close(source.flux.luminous_lm.unwrap(), 337.0, 1e-9));
     assert_eq!(source.channels[0].facts().texts[0].1, "2013");
     assert!(matches!(&source.spectral.columns, Columns::Tables { shares } if shares.len() == 1));
-    // `INDEX.md`: 98 % of the origins lie on z = 0.02 mm; nothing shines below the package.
+    // The folder's index: 98 % of the origins lie on z = 0.02 mm; nothing shines below the package.
     assert!(source.survey.bounds_mm.max.z > 0.0199 && source.survey.directions.hemispheres()[0] > 0.9);
 }
 
@@ -249,6 +247,6 @@ fn lighttools_export_is_scaled_to_its_header() {
     assert!(close(lumen, 1.0, 1e-12), "{lumen}");
     assert!(close(source.survey.luminous_sum, 10_000.0, 1e-6));
     assert_eq!(source.notices.count_of("rays.total_ratio"), 1);
-    // `INDEX.md`: all origins on a sphere of radius 10 about (0, 0, 10).
+    // The folder's index: all origins on a sphere of radius 10 about (0, 0, 10).
     assert!(source.survey.bounds_mm.size().max_element() < 20.001);
 }

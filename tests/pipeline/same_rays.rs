@@ -2,8 +2,9 @@
 #![expect(clippy::unwrap_used, reason = "clippy.toml allows it in #[test] functions only, and these are their tools")]
 
 use crate::real_files::real;
-use lampwright::pipeline::rays::{RawRay, open};
-use lampwright::pipeline::{Declared, Input, Limits, Options, Outcome, Unwatched, run};
+use pipeline::formats::record::RawRay;
+use pipeline::rays::declared::open;
+use pipeline::{Declared, Input, Limits, Options, Outcome, Unwatched, run};
 use std::sync::Arc;
 
 fn rays(name: &str) -> Option<Vec<RawRay>> {
@@ -75,12 +76,12 @@ fn cylinder_as_text_and_as_tm25_is_one_model() {
 }
 
 /// The same three rays as LightTools text, LightTools binary and Zemax binary. LightTools' total is its header's, Zemax' the sum
-/// of the rays, which is three times that (`FORMATS.md` 2, 3).
+/// of the rays, which is three times that (`pipeline/formats/README.md` 2, 3).
 #[test]
 fn three_rays_are_the_same_in_every_container() {
     let Some(rays) = rays("mu_ThreeRays_Wavelength.1.txt") else { return };
     let Some(binary) = real("mu_ThreeRays_Wavelength.1.ray") else { return };
-    // The binary by the table of FORMATS.md 3: 44 bytes of header, then binary32.
+    // The binary by the table of pipeline/formats/README.md 3: 44 bytes of header, then binary32.
     for (ray, record) in rays.iter().zip(binary[44..].chunks(32)) {
         let stored: Vec<f64> =
             record.chunks(4).map(|word| f64::from(f32::from_le_bytes(word.try_into().unwrap()))).collect();

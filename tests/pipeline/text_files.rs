@@ -1,8 +1,9 @@
-//! Ray files in text, laid out by hand from `FORMATS.md`: every cut, every range, any number of threads.
+//! Ray files in text, laid out by hand from `pipeline/formats/README.md`: every cut, every range, any number of threads.
 #![expect(clippy::unwrap_used, reason = "clippy.toml allows it in #[test] functions only, and these are their tools")]
 
-use lampwright::pipeline::rays::{Facts, RawRay, open};
-use lampwright::pipeline::{Declared, Error, Input, LengthUnit, Limits, Options, Quantity, Unwatched, run};
+use pipeline::formats::record::{Facts, RawRay};
+use pipeline::rays::declared::open;
+use pipeline::{Declared, Error, Input, LengthUnit, Limits, Options, Quantity, Unwatched, run};
 use std::fmt::Write;
 use std::sync::Arc;
 

@@ -1,15 +1,18 @@
 //! Writing and reading are each other's inverse: what is drawn from a seed comes back as it was, and the bytes we wrote are the
 //! bytes we write of what was read from them.
 
-use lampwright::pipeline::rays::row_writer::Encode;
-use lampwright::pipeline::rays::tm25::additional::Additional;
-use lampwright::pipeline::rays::tm25::header::{Flags, Header, SpectralId};
-use lampwright::pipeline::rays::tm25::spectra::Spectra;
-use lampwright::pipeline::rays::tm25::{self, Preamble, read_preamble};
-use lampwright::pipeline::rays::zemax_writer::{self, Rows};
-use lampwright::pipeline::rays::{Facts, RawRay, SpectralData, open};
-use lampwright::pipeline::vocabulary::notice::Notices;
-use lampwright::pipeline::{Declared, Limits};
+use pipeline::formats::record::{Facts, RawRay, SpectralData};
+use pipeline::formats::tm25;
+use pipeline::formats::tm25::additional::Additional;
+use pipeline::formats::tm25::header::{Flags, Header, SpectralId};
+use pipeline::formats::tm25::spectra::Spectra;
+use pipeline::formats::tm25::{Preamble, read_preamble};
+use pipeline::formats::writer::Encode;
+use pipeline::formats::zemax::writer;
+use pipeline::formats::zemax::writer::Rows;
+use pipeline::rays::declared::open;
+use pipeline::vocabulary::notice::Notices;
+use pipeline::{Declared, Limits};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use std::sync::Arc;
@@ -43,7 +46,7 @@ impl Draw {
         }
     }
 
-    /// A positive number that no writer means as "unknown" (FORMATS.md 1).
+    /// A positive number that no writer means as "unknown" (pipeline/formats/README.md 1).
     fn total(&mut self) -> Option<f64> {
         self.yes().then(|| f64::from(f32::from_bits(0x3000_0000 + self.below(0x2000_0000))))
     }
@@ -159,7 +162,7 @@ fn tm25_is_read_as_it_was_written_and_written_as_it_was_read() {
             let (_, found) = opened(&bytes);
             assert!(found.iter().eq(rays.iter().map(|(ray, _)| ray)), "seed {seed}, {spectral_id:?}");
 
-            // The reader gives additional columns no meaning: they are the last numbers of each row (FORMATS.md 1).
+            // The reader gives additional columns no meaning: they are the last numbers of each row (pipeline/formats/README.md 1).
             let rows = bytes[layout.start() as usize..].chunks_exact(layout.record_bytes() as usize);
             let additional = rows.map(|row| {
                 let own = &row[row.len() - 4 * preamble.additional.columns.len()..];
@@ -171,9 +174,9 @@ fn tm25_is_read_as_it_was_written_and_written_as_it_was_read() {
     }
 }
 
-fn zemax_bytes(header: &zemax_writer::Header, rays: &[RawRay]) -> Vec<u8> {
+fn zemax_bytes(header: &writer::Header, rays: &[RawRay]) -> Vec<u8> {
     let mut bytes = Vec::new();
-    let mut writer = zemax_writer::Writer::start(&mut bytes, header).unwrap();
+    let mut writer = writer::Writer::start(&mut bytes, header).unwrap();
     let mut rows = Vec::new();
     rays.iter().for_each(|ray| writer.rows().encode_ray(ray, &mut rows));
     writer.write(&rows).unwrap();
@@ -182,14 +185,14 @@ fn zemax_bytes(header: &zemax_writer::Header, rays: &[RawRay]) -> Vec<u8> {
 }
 
 /// The header that was read, from what the reader tells of it.
-fn zemax_header(facts: &Facts) -> zemax_writer::Header {
+fn zemax_header(facts: &Facts) -> writer::Header {
     let text = |name: &str| facts.texts.iter().find(|(own, _)| own == name).unwrap().1.clone();
     let rows = match (&facts.spectral, facts.has_luminous) {
         (SpectralData::Wavelength, _) => Rows::Spectral,
         (_, true) => Rows::Luminous,
         _ => Rows::Radiant,
     };
-    zemax_writer::Header {
+    writer::Header {
         ray_count: facts.ray_count.try_into().unwrap(),
         description: text("description"),
         flux: facts.header_flux.primary(),
@@ -214,7 +217,7 @@ fn zemax_is_read_as_it_was_written_and_written_as_it_was_read() {
                     ..RawRay::default()
                 })
                 .collect();
-            let header = zemax_writer::Header {
+            let header = writer::Header {
                 ray_count: rays.len() as u32,
                 description: draw.text(100).chars().filter(char::is_ascii).collect::<String>().trim().to_owned(),
                 flux: draw.total().unwrap_or(1.5),
@@ -230,7 +233,7 @@ fn zemax_is_read_as_it_was_written_and_written_as_it_was_read() {
     }
 }
 
-/// The fields OpticStudio reads, at the places its help page gives (FORMATS.md 2).
+/// The fields OpticStudio reads, at the places its help page gives (pipeline/formats/README.md 2).
 #[test]
 fn a_zemax_file_by_the_vendors_table() {
     let ray = RawRay {
@@ -240,7 +243,7 @@ fn a_zemax_file_by_the_vendors_table() {
         wavelength_nm: 500.0,
         ..RawRay::default()
     };
-    let header = zemax_writer::Header {
+    let header = writer::Header {
         ray_count: 1,
         description: "d".repeat(150),
         flux: 0.25,

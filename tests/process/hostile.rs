@@ -1,9 +1,6 @@
 //! What means harm, sent to a real process over real sockets: each is refused, and the service answers, works and has written
 //! nothing but in its folder when all of it is over. The details of each kind are `tests/api`'s.
 
-use crate::http::{Answer, ask};
-use crate::packing::{gzip, zip, zstd};
-use crate::rays::zemax;
 use crate::server::{Server, lampwright};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -11,6 +8,9 @@ use std::io::{BufRead, BufReader, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+use support::http::{Answer, ask};
+use support::packing::{gzip, zip, zstd};
+use support::rays::zemax;
 
 /// Places for connections.
 const PLACES: usize = 8;

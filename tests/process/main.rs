@@ -1,15 +1,6 @@
 //! The binary as an operator meets it: real sockets, kill -9, SIGTERM, and a disk that stays.
 
 #[cfg(test)]
-#[path = "../support/http.rs"]
-mod http;
-#[cfg(test)]
-#[path = "../support/packing.rs"]
-mod packing;
-#[cfg(test)]
-#[path = "../support/rays.rs"]
-mod rays;
-#[cfg(test)]
 mod server;
 /// The data folder, and what is none.
 #[cfg(test)]
@@ -27,10 +18,11 @@ mod hostile;
 #[cfg(test)]
 mod operator;
 
-use crate::http::ask;
 use serde_json::{Value, json};
 use server::{Server, lampwright};
 use std::process::Stdio;
+use support::http::ask;
+use support::{packing, rays};
 
 /// A job long enough to be killed in its middle.
 const LONG_JOB_RAYS: &str = "1000000";
@@ -115,7 +107,7 @@ fn a_cancelled_job_stops_long_before_its_end() {
     assert_eq!(server.get(&format!("/v1/jobs/{job}/model.zip")).status, 404);
 }
 
-/// Totals of the headers: the OSRAM sheet's 337 lm, LightTools' 1 lm (`../shared/rays/INDEX.md`).
+/// Totals of the headers: the OSRAM sheet's 337 lm, LightTools' 1 lm.
 #[test]
 fn real_files_go_through_http_to_a_zip() {
     for (name, lumen) in

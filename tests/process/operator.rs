@@ -73,7 +73,7 @@ fn sizes_and_times_are_taken_as_people_write_them_and_as_they_were() {
     // 100 KiB are 102 400 bytes.
     let small = text(102_400).json()["code"].as_str().unwrap().to_owned();
     assert!(text(102_401).status == 413 && !small.contains("large"), "{small}");
-    let sent = server.post("/v1/ray-sets", "application/octet-stream", &crate::rays::zemax(10));
+    let sent = server.post("/v1/ray-sets", "application/octet-stream", &support::rays::zemax(10));
     let ray_set = sent.json()["ray_sets"][0]["id"].clone();
     let asked = |seconds: u32| {
         let body = serde_json::json!({ "channels": [{"ray_set": ray_set}], "timeout_s": seconds }).to_string();
@@ -130,7 +130,7 @@ fn a_name_cannot_act_on_the_terminal_that_it_is_printed_on() {
     // What is refused is told with its name, in a packed file too.
     std::fs::write(path(&format!("letter-{evil}")), "This is a letter.").unwrap();
     plain(&lampwright(&["inspect", &path(&format!("letter-{evil}"))]));
-    std::fs::write(path("packed.zip"), crate::packing::zip(&[(evil, b"This is a letter.")])).unwrap();
+    std::fs::write(path("packed.zip"), support::packing::zip(&[(evil, b"This is a letter.")])).unwrap();
     let packed = lampwright(&["inspect", &path("packed.zip")]);
     assert!(!told(&packed).contains(['\u{1b}', '\u{202e}', '\u{9b}']), "{packed:?}");
     // JSON is for programs: the name as it is, by JSON's own rules.

@@ -304,7 +304,7 @@ fn the_call_that_sends_a_file_sends_it() {
     let words =
         remedy.rsplit(" as ").next().and_then(|call| call.split(" does").next()).unwrap_or_else(|| panic!("{remedy}"));
     let file = folder.path().join("led.dat");
-    fs::write(&file, crate::rays::zemax(9)).unwrap();
+    fs::write(&file, support::rays::zemax(9)).unwrap();
     let url = format!("http://{}/v1/ray-sets", server.address);
     let call: Vec<String> = words
         .split(' ')

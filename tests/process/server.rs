@@ -1,12 +1,12 @@
 //! A server process on a free loopback port, and the other verbs of the binary.
 
-use crate::http::{Answer, ask};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
+use support::http::{Answer, ask};
 
 /// Longest wait for a job of these tests, on a machine busy with others.
 const PATIENCE: Duration = Duration::from_secs(240);

@@ -1,11 +1,11 @@
 //! How the binary stops at SIGTERM: it says so, ends what is at hand, and waits for nobody who asks nothing.
 
 use crate::LONG_JOB_RAYS;
-use crate::http::ask;
 use crate::server::{Server, lampwright};
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
+use support::http::ask;
 
 /// Longest wait for what should come at once, on a machine busy with others.
 const PATIENCE: Duration = Duration::from_secs(60);

@@ -1,14 +1,15 @@
 //! A ray file in every format and form that is read, of as many rays as a test asks for.
 
-#![expect(clippy::unwrap_used, reason = "what a test stumbles over is its finding")]
-
-use lampwright::pipeline::rays::RawRay;
-use lampwright::pipeline::rays::row_writer::Encode;
-use lampwright::pipeline::rays::synthetic::{by_name, write_tm25};
-use lampwright::pipeline::rays::tm25::additional::Additional;
-use lampwright::pipeline::rays::tm25::header::{Flags, Header, SpectralId};
-use lampwright::pipeline::rays::tm25::{self, Preamble, spectra::Spectra};
-use lampwright::pipeline::rays::zemax_writer::{self, Rows};
+use pipeline::formats::record::RawRay;
+use pipeline::formats::tm25;
+use pipeline::formats::tm25::Preamble;
+use pipeline::formats::tm25::additional::Additional;
+use pipeline::formats::tm25::header::{Flags, Header, SpectralId};
+use pipeline::formats::tm25::spectra::Spectra;
+use pipeline::formats::writer::Encode;
+use pipeline::formats::zemax::writer;
+use pipeline::formats::zemax::writer::Rows;
+use pipeline::known_sources::{by_name, write_tm25};
 
 /// A few rays that every fixture may hold.
 fn rays(count: u32) -> Vec<RawRay> {
@@ -47,7 +48,7 @@ fn tm25_with_everything(count: u32) -> Vec<u8> {
 }
 
 fn zemax(rows: Rows, count: u32) -> Vec<u8> {
-    let header = zemax_writer::Header {
+    let header = writer::Header {
         ray_count: count,
         description: "cut".into(),
         flux: f64::from(count),
@@ -55,7 +56,7 @@ fn zemax(rows: Rows, count: u32) -> Vec<u8> {
         ..Default::default()
     };
     let mut bytes = Vec::new();
-    let mut writer = zemax_writer::Writer::start(&mut bytes, &header).unwrap();
+    let mut writer = writer::Writer::start(&mut bytes, &header).unwrap();
     let mut encoded = Vec::new();
     rays(count).iter().for_each(|ray| rows.encode_ray(ray, &mut encoded));
     writer.write(&encoded).unwrap();
@@ -75,14 +76,14 @@ fn words(count: u32) -> Vec<u8> {
     rays(count).into_iter().flat_map(row).collect()
 }
 
-/// FORMATS.md 3: 44 bytes of header, rows, seven bytes at the end.
+/// pipeline/formats/README.md 3: 44 bytes of header, rows, seven bytes at the end.
 fn lighttools(count: u32) -> Vec<u8> {
     let numbers = [2_u32, 0, 0, 0, 0, 1].into_iter().flat_map(u32::to_le_bytes);
     let header = b"LTRF".iter().copied().chain(numbers).chain(floats([0.0, 0.0, 0.0, f64::from(count)]));
     header.chain(words(count)).chain(*b"LTRFEND").collect()
 }
 
-/// FORMATS.md 5: five records of 28 bytes, then as many rays as the fourth says.
+/// pipeline/formats/README.md 5: five records of 28 bytes, then as many rays as the fourth says.
 fn asap(count: u32) -> Vec<u8> {
     let mut bytes = 7415_i32.to_le_bytes().to_vec();
     bytes.resize(28, 0);

@@ -8,6 +8,7 @@ use axum::response::Response;
 use serde_json::Value;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 use tokio::net::TcpListener;
 
 /// One message.
@@ -32,6 +33,9 @@ impl Heard {
     }
 }
 
+/// How long messages are waited for: a busy machine may take its time.
+const PATIENCE: Duration = Duration::from_mins(2);
+
 /// What it answers next: status, a header, a body.
 pub type Answer = (u16, Option<(&'static str, String)>, String);
 
@@ -40,7 +44,7 @@ pub struct Receiver {
     pub url: String,
     heard: Arc<Mutex<Vec<Heard>>>,
     /// The next answers; after them, 204.
-    pub answers: Arc<Mutex<VecDeque<Answer>>>,
+    answers: Arc<Mutex<VecDeque<Answer>>>,
 }
 
 impl Receiver {
@@ -67,5 +71,25 @@ impl Receiver {
 
     pub fn heard(&self) -> Vec<Heard> {
         self.heard.lock().unwrap().clone()
+    }
+}
+
+impl Receiver {
+    /// The next answers; after them, 204.
+    pub fn answer(&self, answers: impl IntoIterator<Item = Answer>) {
+        self.answers.lock().unwrap().extend(answers);
+    }
+
+    /// Waits until `count` messages came.
+    pub async fn until(&self, count: usize) -> Vec<Heard> {
+        let start = Instant::now();
+        loop {
+            let heard = self.heard();
+            if heard.len() >= count {
+                return heard;
+            }
+            assert!(start.elapsed() < PATIENCE, "only {} of {count} came", heard.len());
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
     }
 }

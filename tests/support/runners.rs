@@ -1,7 +1,8 @@
 //! Runners that stand in for the pipeline: prompt, held, stubborn, panicking, failing.
 
-use lampwright::pipeline::{Artifact, Error, Input, Stage};
-use lampwright::service::jobs::worker::{Product, Runner, ZIP};
+use pipeline::{Artifact, Error, Input, Stage};
+use service::jobs::ZIP;
+use service::jobs::worker::{Product, Runner};
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};

@@ -1,25 +1,30 @@
 //! A service on a folder of its own and a client that sees everything: each response is held to what all responses owe, and
 //! rows and files can be looked at.
 
-use crate::engines::{self, Engines};
+use crate::engines;
+use crate::engines::Engines;
 use axum::Router;
 use axum::body::Body;
 use axum::http::{HeaderMap, Method, Request, Response, StatusCode};
 use http_body_util::BodyExt;
-use lampwright::service::access::Scope;
-use lampwright::service::access::keys::{self, NewKey};
-use lampwright::service::access::quota::Quota;
-use lampwright::service::jobs::channels::FileDeclaration;
-use lampwright::service::jobs::worker::Runner;
-use lampwright::service::metadata::Metadata;
-use lampwright::service::pace::Slowest;
-use lampwright::service::storage::blobs::Blobs;
-use lampwright::service::storage::inspections::Inspection;
-use lampwright::service::storage::ray_sets::{self, Draft};
-use lampwright::service::storage::records::{Records, Row, Statement};
-use lampwright::service::storage::{Storage, owner};
-use lampwright::service::{Config, Service};
 use serde_json::{Value, json};
+use service::accounts::access::Scope;
+use service::accounts::keys;
+use service::accounts::keys::NewKey;
+use service::accounts::quota::Quota;
+use service::jobs::worker::Runner;
+use service::metadata::Metadata;
+use service::ray_sets::declaration::FileDeclaration;
+use service::ray_sets::inspections::Inspection;
+use service::ray_sets::pace::Slowest;
+use service::ray_sets::rows;
+use service::ray_sets::rows::Draft;
+use service::storage::Storage;
+use service::storage::blobs::Blobs;
+use service::storage::keys::OWNER_KEY;
+use service::storage::records::Records;
+use service::storage::records::statement::{Row, Statement};
+use service::{Config, Service};
 use std::path::Path;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
@@ -194,7 +199,7 @@ pub async fn two_stores(folder: &Path) -> (Storage, Storage) {
 
 /// Makes a ray set known that has no bytes.
 pub async fn known(storage: &Storage, id: &str) {
-    let row = ray_sets::RaySet {
+    let row = rows::RaySet {
         id: id.into(),
         name: "r".into(),
         byte_count: 1,
@@ -206,7 +211,7 @@ pub async fn known(storage: &Storage, id: &str) {
         created_ms: 0,
     };
     let draft = Draft { ray_set: row, parts: Vec::new(), inspection: Inspection::default() };
-    ray_sets::insert(&storage.records, "default", Quota::default(), vec![draft]).await.unwrap().unwrap();
+    rows::insert(&storage.records, "default", Quota::default(), vec![draft]).await.unwrap().unwrap();
 }
 
 impl Site {
@@ -327,7 +332,7 @@ impl Site {
         let store = Blobs::open(&self.config.storage_url()).unwrap();
         let listed = tokio::task::block_in_place(|| tokio::runtime::Handle::current().block_on(store.list("")));
         let mut keys: Vec<String> = listed.unwrap().into_iter().map(|blob| blob.key).collect();
-        keys.retain(|key| key != owner::KEY);
+        keys.retain(|key| key != OWNER_KEY);
         keys.sort();
         keys
     }

@@ -1,10 +1,10 @@
 //! Exitance at the vertices and the colour it shows: M_l = flux_l / A_l, A_l a third of the areas of the vertex's triangles.
-//! Linear interpolation of M over the mesh integrates to the flux exactly (`MODEL.md` 5).
+//! Linear interpolation of M over the mesh integrates to the flux exactly (`pipeline/README.md` 3).
 
-use super::super::model::Model;
-use super::super::rays::source::Columns;
-use super::super::vocabulary::spectrum::{color_matching, linear_srgb};
-use super::super::vocabulary::units::KM_LM_PER_W;
+use crate::model::Model;
+use crate::source::Columns;
+use crate::vocabulary::spectrum::{color_matching, linear_srgb};
+use crate::vocabulary::units::KM_LM_PER_W;
 use std::f64::consts::PI;
 
 /// Exitance per vertex, in `unit`.

@@ -1,18 +1,19 @@
 //! A model made by hand, whose every number has a closed form: a flat Lambertian rectangle, 2 mm along X and 1 mm along Y in the
 //! plane z = 0, looking along +Z, of uniform exitance, its left zone bluer than its right one.
 
-use super::super::flux::balance::{Balance, Share};
-use super::super::flux::{Amounts, Surface};
-use super::super::goniogram::intensity::Quality;
-use super::super::goniogram::{Goniogram, Goniograms, Lattice, SphereGrid, Zone};
-use super::super::hull::{Hull, Label};
-use super::super::model::{Model, Origin};
-use super::super::rays::Declared;
-use super::super::rays::source::{Columns, Spectral};
-use super::super::vocabulary::notice::Notices;
-use super::super::vocabulary::space::{Axis, Bounds, Frame};
-use super::super::vocabulary::spectrum::{Bands, lm_per_w};
-use super::super::vocabulary::units::{Flux, LengthUnit};
+use crate::flux::balance::{Balance, Share};
+use crate::flux::{Amounts, Surface};
+use crate::goniogram::intensity::Quality;
+use crate::goniogram::{Goniogram, Goniograms, Lattice, SphereGrid, Zone};
+use crate::hull::{Hull, Label};
+use crate::model::Model;
+use crate::model::channel::Origin;
+use crate::source::{Columns, Spectral};
+use crate::vocabulary::declaration::Declared;
+use crate::vocabulary::notice::Notices;
+use crate::vocabulary::space::{Axis, Bounds, Frame};
+use crate::vocabulary::spectrum::{Bands, lm_per_w};
+use crate::vocabulary::units::{Flux, LengthUnit};
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 

@@ -1,13 +1,16 @@
 //! `goniograms.json`: the angular half of the contract (`openapi/goniograms.schema.json`). Units are in the keys.
 
-use super::super::goniogram::{Goniogram, SphereGrid, Zone};
-use super::super::model::Model;
-use super::super::rays::source::Columns;
-use super::super::vocabulary::space::{Bounds, Frame};
-use super::super::{Error, Options as RunOptions};
-use super::number::{ARRAY_DIGITS, Matrix, Numbers, sum};
+use super::ies;
+use super::plots::polar;
 use super::provenance::{GENERATOR, Generator, Provenance, source_name};
-use super::{Artifact, ies, json, svg};
+use crate::error::Error;
+use crate::goniogram::{Goniogram, SphereGrid, Zone};
+use crate::model::Model;
+use crate::options::Options as RunOptions;
+use crate::source::Columns;
+use crate::vocabulary::space::{Bounds, Frame};
+use crate::writing::number::{ARRAY_DIGITS, Matrix, Numbers, sum};
+use crate::writing::{Artifact, json};
 use glam::DVec3;
 use serde::Serialize;
 
@@ -32,7 +35,7 @@ pub fn artifact(model: &Model, options: &RunOptions) -> Result<Artifact, Error> 
         spectrum: model.spectral.has_bands().then(|| Spectrum::new(model)),
         observer: observer(&model.spectral.columns),
         zones: goniograms.zones.iter().map(|zone| ZoneEntry::new(zone, model)).collect(),
-        total: Entry::new(&goniograms.total, model, ies::TOTAL.to_owned(), svg::polar::TOTAL.to_owned()),
+        total: Entry::new(&goniograms.total, model, ies::TOTAL.to_owned(), polar::TOTAL.to_owned()),
         provenance: Provenance::new(model, options),
     };
     Ok(Artifact { name: NAME.to_owned(), media_type: "application/json", bytes: json::document(&document)? })
@@ -205,7 +208,7 @@ impl<'a> ZoneEntry<'a> {
             centroid_mm: zone.centroid_mm.to_array().map(sum),
             area_mm2: sum(zone.area_mm2),
             vertex_count: zone.vertex_count,
-            entry: Entry::new(&zone.goniogram, model, ies::zone_name(zone), svg::polar::zone_name(zone)),
+            entry: Entry::new(&zone.goniogram, model, ies::zone_name(zone), polar::zone_name(zone)),
         }
     }
 }

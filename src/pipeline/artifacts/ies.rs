@@ -1,15 +1,15 @@
-//! IES LM-63: what every reader accepts (`OUTPUTS.md` 1, each rule there was found by a reader that fails without it).
+//! IES LM-63: what every reader accepts (`openapi/README.md`; each rule there was found by a reader that fails without it).
 //!
 //! Type C, always full: γ 0..=180, C 0..=360 with plane 360 a copy of plane 0. Absolute photometry: one lamp, -1 lumens per
 //! lamp, multipliers 1. ASCII, CR LF, one blank between numbers, ten numbers a line; every record starts a line.
 
-use super::super::Options as RunOptions;
-use super::super::goniogram::{Goniogram, SphereGrid, Zone};
-use super::super::model::Model;
-use super::super::vocabulary::space::{Bounds, Frame};
-use super::number::{plain, text};
 use super::provenance::{VERSION_DATE, generator, header_text, source_name};
-use super::{Artifact, IesEdition};
+use crate::goniogram::{Goniogram, SphereGrid, Zone};
+use crate::model::Model;
+use crate::options::{IesEdition, Options as RunOptions};
+use crate::vocabulary::space::{Bounds, Frame};
+use crate::writing::Artifact;
+use crate::writing::number::{plain, text};
 use glam::DVec3;
 
 /// Longest value of a keyword: LM-63-2002 allows lines of 256 characters with CR LF, Radiance's label buffer holds as many.
@@ -91,7 +91,7 @@ impl Sheet<'_> {
         let name = source_name(model);
         let digest = model.origins.first().map_or("", |origin| origin.sha256.as_str());
         let own_flux = text(flux_of_nodes(self.candela, &model.goniograms.grid), 7);
-        let c90 = super::super::vocabulary::space::Axis::nearest(frame.y()).name();
+        let c90 = crate::vocabulary::space::Axis::nearest(frame.y()).name();
         let keyword = |key: &str, value: &str| format!("[{key}] {}", label(value));
         vec![
             edition.to_owned(),
@@ -167,8 +167,8 @@ fn push_record(lines: &mut Vec<String>, numbers: impl Iterator<Item = String>) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::fixture;
     use super::*;
+    use crate::artifacts::fixture;
 
     /// A model whose only goniogram is `candela` over 0, 90, 180 degrees and the planes C0 and C180.
     fn tiny(candela: [f64; 6]) -> Model {
@@ -261,7 +261,7 @@ mod tests {
 
     #[test]
     fn lobes_come_at_c0_and_c270_of_a_source_that_looks_up() {
-        // OUTPUTS.md 1.3: lobes at +X+Z (1) and +Y+Z (1/2) must come at C0 and C270.
+        // `pipeline/README.md`, frames: lobes at +X+Z (1) and +Y+Z (1/2) must come at C0 and C270.
         let lobe = |direction: DVec3, to: DVec3| (40.0 * (direction.dot(to.normalize()) - 1.0)).exp();
         let model = fixture::model_with(|direction| {
             lobe(direction, DVec3::X + DVec3::Z) + 0.5 * lobe(direction, DVec3::Y + DVec3::Z)

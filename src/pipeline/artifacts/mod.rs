@@ -1,10 +1,6 @@
 //! 6. Results to files: a name, a media type, bytes. No file holds a time of making: same input, options and version give the
 //! same bytes.
 
-/// Numbers as text: the one place where digits are counted.
-mod number;
-/// JSON that people can read too.
-mod json;
 /// What every artifact says of where it came from.
 mod provenance;
 /// Exitance at the vertices and the colour it shows.
@@ -16,9 +12,7 @@ pub mod goniograms;
 /// `ies/*.ies`: luminous intensities for lighting programs.
 pub mod ies;
 /// `spectra.csv`.
-pub mod csv;
-/// `plots/*.svg`.
-pub mod svg;
+pub mod spectra_csv;
 /// `report.json`.
 pub mod report;
 /// `README.txt`.
@@ -26,62 +20,18 @@ pub mod readme;
 /// A model made by hand, whose every number has a closed form.
 #[cfg(test)]
 mod fixture;
+/// The drawings of a model, `plots/*.svg`.
+pub mod plots;
 
-use super::model::Model;
-use super::vocabulary::notice::Notices;
-use super::vocabulary::watch::StageWatch;
-use super::{Error, Options as RunOptions};
-use serde::Serialize;
+use crate::error::Error;
+use crate::model::Model;
+use crate::options::Options as RunOptions;
+use crate::vocabulary::notice::Notices;
+use crate::vocabulary::watch::StageWatch;
+use crate::writing::Artifact;
 use std::io::{Cursor, Write as _};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
-
-/// How results are written.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Options {
-    /// Where vertex spectra go in the glTF.
-    pub spectra: Spectra,
-    /// Edition of the IES files.
-    pub ies_edition: IesEdition,
-}
-
-/// Where vertex spectra go in the glTF (`OUTPUTS.md` 3.3).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Spectra {
-    /// In both, up to 2 million numbers; above, in attributes.
-    #[default]
-    Auto,
-    /// Attributes and extras.
-    Both,
-    /// `_SPECTRUM_nnn` attributes only.
-    Attributes,
-    /// `extras.emitter` only.
-    Extras,
-}
-
-/// Edition of LM-63.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub enum IesEdition {
-    /// LM-63-2002: what every reader accepts.
-    #[default]
-    #[serde(rename = "LM-63-2002")]
-    Lm63Of2002,
-    /// LM-63-2019.
-    #[serde(rename = "LM-63-2019")]
-    Lm63Of2019,
-}
-
-/// One file.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Artifact {
-    /// Path in the zip and in the download list, forward slashes.
-    pub name: String,
-    /// Media type.
-    pub media_type: &'static str,
-    /// Content.
-    pub bytes: Vec<u8>,
-}
 
 /// All files of a model, in the order of the zip: the page that explains the others first.
 ///
@@ -93,14 +43,14 @@ pub fn write(model: &Model, options: &RunOptions, watch: StageWatch<'_>) -> Resu
     artifacts.push(goniograms::artifact(model, options)?);
     watch.step(0.5)?;
     artifacts.extend(ies::artifacts(model, options));
-    artifacts.extend(csv::artifact(model));
+    artifacts.extend(spectra_csv::artifact(model));
     watch.step(0.6)?;
-    artifacts.extend(svg::polar::artifacts(model));
-    artifacts.push(svg::zones::artifact(model));
+    artifacts.extend(plots::polar::artifacts(model));
+    artifacts.push(plots::zones::artifact(model));
     watch.step(0.7)?;
-    artifacts.push(svg::hull::stage(model));
+    artifacts.push(plots::hull::stage(model));
     watch.step(0.8)?;
-    artifacts.push(svg::hull::exitance_map(model));
+    artifacts.push(plots::hull::exitance_map(model));
     watch.step(0.9)?;
     let notices = notices(model).to_vec();
     artifacts.push(report::artifact(model, options, &notices)?);
@@ -138,17 +88,17 @@ pub fn zip(artifacts: &[Artifact]) -> Result<Vec<u8>, Error> {
     let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
     for artifact in artifacts {
         let options = options.large_file(u32::try_from(artifact.bytes.len()).is_err());
-        archive.start_file(artifact.name.as_str(), options).map_err(json::unwritten)?;
-        archive.write_all(&artifact.bytes).map_err(json::unwritten)?;
+        archive.start_file(artifact.name.as_str(), options).map_err(crate::writing::json::unwritten)?;
+        archive.write_all(&artifact.bytes).map_err(crate::writing::json::unwritten)?;
     }
-    Ok(archive.finish().map_err(json::unwritten)?.into_inner())
+    Ok(archive.finish().map_err(crate::writing::json::unwritten)?.into_inner())
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::rays::source::Columns;
-    use super::super::vocabulary::watch::{Stage, Unwatched, Watch};
     use super::*;
+    use crate::source::Columns;
+    use crate::vocabulary::watch::{Stage, Unwatched, Watch};
     use serde_json::Value;
     use std::io::Read as _;
 

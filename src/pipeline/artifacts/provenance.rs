@@ -1,11 +1,12 @@
 //! What every artifact says of where it came from.
 
-use super::super::Options as RunOptions;
-use super::super::model::{Model, Origin};
-use super::super::rays::declared::{Column, FluxOverride, Total};
-use super::super::rays::digest;
-use super::super::vocabulary::spectrum::Table;
-use super::super::vocabulary::units::{LengthUnit, Quantity};
+use crate::formats::bytes::digest;
+use crate::model::Model;
+use crate::model::channel::Origin;
+use crate::options::Options as RunOptions;
+use crate::vocabulary::declaration::{Column, FluxOverride, Total};
+use crate::vocabulary::spectrum::Table;
+use crate::vocabulary::units::{LengthUnit, Quantity};
 use serde::Serialize;
 
 /// The program's name, as artifacts say it.

@@ -1,11 +1,11 @@
 //! `README.txt` of the zip: frame, units, counts, what each file is.
 
-use super::super::model::Model;
-use super::super::vocabulary::notice::Notice;
-use super::super::vocabulary::space::Axis;
-use super::Artifact;
-use super::number::text;
 use super::provenance::{generator, source_name};
+use crate::model::Model;
+use crate::vocabulary::notice::Notice;
+use crate::vocabulary::space::Axis;
+use crate::writing::Artifact;
+use crate::writing::number::text;
 
 /// What each file is, by the beginning of its name.
 const MEANINGS: [(&str, &str); 8] = [
@@ -34,7 +34,7 @@ pub fn artifact(model: &Model, notices: &[Notice], names: &[&str]) -> Artifact {
     let used: u64 = model.origins.iter().map(|origin| origin.rays_used).sum();
     let size = model.hull.bounds_mm().size().to_array().map(|edge| text(edge, 4));
     let mut lines = vec![
-        format!("Light source model of {}", super::svg::one_line(&source_name(model), 200)),
+        format!("Light source model of {}", crate::writing::svg::one_line(&source_name(model), 200)),
         format!("made by {}; report.json has inputs, options and checks", generator()),
         String::new(),
         format!("Flux     {}", fluxes.join(", ")),
@@ -91,7 +91,7 @@ fn careful(model: &Model, notices: &[Notice]) -> Vec<String> {
         let of = channel.map_or(String::new(), |name| format!(", {name}"));
         let times = if notice.count > 1 { format!(" ({} times)", notice.count) } else { String::new() };
         let told = format!("{}{of}{times}: {}", notice.code, notice.message);
-        lines.extend(wrapped(&super::svg::one_line(&told, NOTICE_CHARS)));
+        lines.extend(wrapped(&crate::writing::svg::one_line(&told, NOTICE_CHARS)));
     }
     lines
 }

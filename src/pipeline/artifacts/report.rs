@@ -1,17 +1,19 @@
 //! `report.json`: what was read, what was done, where every ray went (`openapi/report.schema.json`).
 
-use super::super::flux::Balance;
-use super::super::flux::balance::Share;
-use super::super::goniogram::Zone;
-use super::super::hull::Label;
-use super::super::model::{Model, Origin};
-use super::super::vocabulary::notice::Notice;
-use super::super::vocabulary::units::{Flux, LengthUnit};
-use super::super::{Error, Options as RunOptions};
 use super::goniograms::{Box3, FrameFacts, LatticeFacts, QualityFacts};
-use super::number::{ARRAY_DIGITS, Numbers, sum};
 use super::provenance::{DeclaredFacts, GENERATOR, Generator};
-use super::{Artifact, json};
+use crate::error::Error;
+use crate::flux::Balance;
+use crate::flux::balance::Share;
+use crate::goniogram::Zone;
+use crate::hull::Label;
+use crate::model::Model;
+use crate::model::channel::Origin;
+use crate::options::Options as RunOptions;
+use crate::vocabulary::notice::Notice;
+use crate::vocabulary::units::{Flux, LengthUnit};
+use crate::writing::number::{ARRAY_DIGITS, Numbers, sum};
+use crate::writing::{Artifact, json};
 use serde::Serialize;
 
 /// Name in the zip.
@@ -225,7 +227,7 @@ struct GridFacts {
 }
 
 impl GridFacts {
-    fn new(grid: &super::super::goniogram::SphereGrid) -> GridFacts {
+    fn new(grid: &crate::goniogram::SphereGrid) -> GridFacts {
         let (c_planes, gamma_nodes) = (grid.c_planes(), grid.gamma_nodes());
         let (c_step, gamma_step) = (360.0 / c_planes as f64, 180.0 / (gamma_nodes - 1) as f64);
         GridFacts { c_planes, gamma_nodes, c_step_deg: sum(c_step), gamma_step_deg: sum(gamma_step) }
@@ -240,7 +242,7 @@ struct PartFacts {
 }
 
 impl PartFacts {
-    fn new(goniogram: &super::super::goniogram::Goniogram) -> PartFacts {
+    fn new(goniogram: &crate::goniogram::Goniogram) -> PartFacts {
         PartFacts {
             rays: sum(goniogram.rays),
             flux: FluxFacts::new(&goniogram.flux),

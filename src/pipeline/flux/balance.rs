@@ -1,6 +1,6 @@
 //! Where every ray and every watt went.
 
-use super::super::vocabulary::units::Flux;
+use crate::vocabulary::units::Flux;
 use serde::Serialize;
 
 /// One fate of rays.

@@ -3,7 +3,7 @@
 //! The library prunes boxes in f32; distances are computed in f64 from the f64 corners. Coordinates are centred on the indexed
 //! things and scaled to their size, boxes padded by more than the rounding, so that pruning never loses a hit.
 
-use super::super::vocabulary::space::Bounds;
+use crate::vocabulary::space::Bounds;
 use glam::{DVec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;

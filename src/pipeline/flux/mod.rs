@@ -7,37 +7,24 @@ pub mod project;
 /// Sums per site that do not depend on the number of threads.
 pub mod tally;
 /// Shepard smoothing that conserves.
-pub mod smooth;
+pub mod shepard;
 /// Flux in equals flux on the surface plus rejected.
 pub mod balance;
 
+use crate::options::FluxOptions;
 pub use balance::Balance;
 pub use tally::Amounts;
 
-use super::Error;
-use super::hull::{Cloud, Hull};
-use super::rays::Ray;
-use super::vocabulary::limits::Limits;
-use super::vocabulary::notice::Notices;
-use super::vocabulary::watch::StageWatch;
+use crate::error::Error;
+use crate::hull::{Cloud, Hull};
+use crate::source::Ray;
+use crate::vocabulary::limits::Limits;
+use crate::vocabulary::notice::Notices;
+use crate::vocabulary::watch::StageWatch;
 use balance::Share;
 use project::{Fate, Projector};
-use serde::Serialize;
-use smooth::{Reach, Site, Smoother};
+use shepard::{Reach, Site, Smoother};
 use tally::{Deposit, Quanta, Tally};
-
-/// How rays are laid on the surface.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Options {
-    /// Shepard smoothing of the exitance.
-    pub smoothing: bool,
-}
-
-impl Default for Options {
-    fn default() -> Options {
-        Options { smoothing: true }
-    }
-}
 
 /// Flux on the surface.
 #[derive(Clone, Debug)]
@@ -71,7 +58,7 @@ const REJECTED: usize = 2;
 pub fn project(
     cloud: &Cloud<'_>,
     hull: &Hull,
-    options: &Options,
+    options: &FluxOptions,
     limits: &Limits,
     watch: StageWatch<'_>,
 ) -> Result<Surface, Error> {

@@ -1,15 +1,15 @@
 //! One ray: hit, snapped or rejected, counted exactly once.
 //!
-//! Sliding a ray along its own line changes no light outside (`MODEL.md` 3), so a ray lands where its line leaves the hull:
+//! Sliding a ray along its own line changes no light outside (`pipeline/README.md` 3), so a ray lands where its line leaves the hull:
 //! - the first crossing ahead leads out: the origin is inside (a glowing volume, or just under the surface), it lands there;
 //! - otherwise the origin is outside: it lands on the nearest crossing behind that leads out, the surface it came from;
 //! - a line that only enters lands where it enters, if that is near: stray light from the back of a one-sided sheet;
 //! - a line that meets nothing snaps to the nearest triangle within the tolerance; the rest is rejected.
 
-use super::super::hull::Hull;
-use super::super::rays::Ray;
-use super::super::vocabulary::space::Bounds;
 use super::bvh::Bvh;
+use crate::hull::Hull;
+use crate::source::Ray;
+use crate::vocabulary::space::Bounds;
 use glam::DVec3;
 
 /// How a ray came to the surface.
@@ -173,9 +173,9 @@ fn nearest_point([a, b, c]: [DVec3; 3], point_mm: DVec3) -> DVec3 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::hull::Label;
-    use super::super::super::vocabulary::notice::Notices;
     use super::*;
+    use crate::hull::Label;
+    use crate::vocabulary::notice::Notices;
 
     fn hull(vertices_mm: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Hull {
         Hull {

@@ -5,11 +5,10 @@
 //! quantum is at most 2⁻⁶⁰ of the total: the largest set of rays (2³¹) still has 2²⁹ quanta in an average ray, more than an f32
 //! file can tell apart.
 
-use super::super::Error;
-use super::super::rays::source::Spectral;
-use super::super::rays::{Ray, Source};
-use super::super::vocabulary::limits::Limits;
-use super::super::vocabulary::units::Flux;
+use crate::error::Error;
+use crate::source::{Ray, Source, Spectral};
+use crate::vocabulary::limits::Limits;
+use crate::vocabulary::units::Flux;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Quanta in one ray's count: shares of a ray are counted to a millionth.
@@ -265,9 +264,9 @@ impl Amounts {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::rays::source::Columns;
-    use super::super::super::vocabulary::spectrum::Bands;
     use super::*;
+    use crate::source::Columns;
+    use crate::vocabulary::spectrum::Bands;
     use glam::DVec3;
 
     fn quanta_of(flux: Flux, columns: Columns) -> Quanta {

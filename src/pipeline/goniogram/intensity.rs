@@ -1,25 +1,18 @@
 //! Directions to intensities.
 
-use super::super::Error;
-use super::super::flux::Amounts;
-use super::super::flux::smooth::{Site, Smoother, typical_radius};
-use super::super::rays::source::Spectral;
-use super::super::rays::survey::DirectionCube;
-use super::super::vocabulary::units::Flux;
-use super::super::vocabulary::watch::StageWatch;
-use super::{Options, SphereGrid};
-use glam::DVec3;
-
-/// Rays that an intensity is averaged over: 3 % noise is left in a zone. It blurs the horizon of a flat source by its radius, a
-/// few degrees for a million rays in 16 zones; fewer rays leave more noise than that is worth.
-const SMOOTHING_RAYS: f64 = 800.0;
-/// Smoothing reaches at most this far, radians (20°): it costs a Lambertian 1.5 % at the peak, less than the noise it takes from
-/// any zone that needs it.
-const SMOOTHING_REACH: f64 = 0.35;
+use super::beam::Beam;
+use super::smoothing::smoother;
+use super::sphere::SphereGrid;
+use crate::error::Error;
+use crate::flux::Amounts;
+use crate::flux::shepard::Smoother;
+use crate::options::GoniogramOptions;
+use crate::rays::direction_cube::DirectionCube;
+use crate::source::Spectral;
+use crate::vocabulary::units::Flux;
+use crate::vocabulary::watch::StageWatch;
 /// Steps of γ to choose from, degrees.
 const GAMMA_STEPS_DEG: [f64; 4] = [5.0, 2.5, 1.0, 0.5];
-/// Most pairs of cells that exchange; 16 bytes each, twice.
-const MOST_LINKS: f64 = 8e6;
 /// A finer step of γ is no use to cells with fewer rays than this.
 const RAYS_PER_CELL: f64 = 5.0;
 /// Step of C unless asked otherwise, degrees.
@@ -68,9 +61,9 @@ pub struct Grids {
 }
 
 impl Grids {
-    /// As asked, else: γ steps of at most an eighth of the beam's full width at half maximum (`OUTPUTS.md` 1.4) as long as the
+    /// As asked, else: γ steps of at most an eighth of the beam's full width at half maximum as long as the
     /// beam's rays can fill such cells, C steps of 10°.
-    pub fn new(directions: &DirectionCube, options: &Options) -> Grids {
+    pub fn new(directions: &DirectionCube, options: &GoniogramOptions) -> Grids {
         let beam = Beam::of(directions);
         let wanted_deg = (beam.full_width_deg() / 8.0).max(beam.cell_deg(RAYS_PER_CELL));
         let [coarsest, .., finest] = GAMMA_STEPS_DEG;
@@ -154,24 +147,6 @@ impl Grids {
     }
 }
 
-/// The smoothing operator on the sphere for zones whose cells counted `rays`.
-fn smoother(grid: &SphereGrid, rays: &[f64]) -> Smoother {
-    let solid_angles_sr = grid.cell_solid_angles_sr();
-    let site = |(cell, (c, gamma)): (usize, (f64, f64))| Site {
-        at: DVec3::new(gamma.sin() * c.cos(), gamma.sin() * c.sin(), -gamma.cos()),
-        measure: solid_angles_sr[cell],
-        rays: 0.0,
-        part: 0,
-        normal: DVec3::Z,
-    };
-    let sites: Vec<Site> = grid.cell_nodes().into_iter().enumerate().map(site).collect();
-    let cells = rays.iter().copied().zip(solid_angles_sr.iter().copied().cycle());
-    let wanted = typical_radius(cells, SMOOTHING_RAYS);
-    // A cap of radius r holds r²/4 of the sphere: this many cells link to as many others.
-    let affordable = 2.0 * MOST_LINKS.sqrt() / sites.len() as f64;
-    Smoother::uniform(&sites, wanted.min(SMOOTHING_REACH).min(affordable))
-}
-
 /// What a zone, or several, send into the cells of both grids.
 pub struct Measured {
     /// Rays counted per fine cell, before smoothing.
@@ -234,53 +209,6 @@ impl Measured {
             relative_noise_at_peak: peak.map_or(0.0, |cell| self.variance[cell].sqrt() / flux[cell]),
             smoothing_deg: self.smoothing_rad.to_degrees(),
         }
-    }
-}
-
-/// The part of the far field above half maximum.
-struct Beam {
-    solid_angle_sr: f64,
-    rays: f64,
-}
-
-impl Beam {
-    fn of(directions: &DirectionCube) -> Beam {
-        let cells = directions.flux.iter().zip(&directions.rays).enumerate();
-        let mut bright: Vec<(f64, f64, f64)> = cells
-            .map(|(cell, (flux, rays))| {
-                (flux / DirectionCube::solid_angle_sr(cell), DirectionCube::solid_angle_sr(cell), *rays as f64)
-            })
-            .filter(|(intensity, ..)| *intensity > 0.0)
-            .collect();
-        bright.sort_by(|a, b| b.0.total_cmp(&a.0));
-        // The maximum of many noisy cells is mostly noise: take the mean of those that carry the brightest twentieth of the flux.
-        let total: f64 = bright.iter().map(|(intensity, solid_angle, _)| intensity * solid_angle).sum();
-        let (mut flux, mut solid_angle_sr) = (0.0, 0.0);
-        for (intensity, solid_angle, _) in &bright {
-            if flux >= 0.05 * total {
-                break;
-            }
-            flux += intensity * solid_angle;
-            solid_angle_sr += solid_angle;
-        }
-        let half = 0.5 * flux / solid_angle_sr;
-        let mut beam = Beam { solid_angle_sr: 0.0, rays: 0.0 };
-        for (_, solid_angle, rays) in bright.iter().take_while(|(intensity, ..)| *intensity >= half) {
-            beam.solid_angle_sr += solid_angle;
-            beam.rays += rays;
-        }
-        beam
-    }
-
-    /// Full width at half maximum, degrees: that of the round beam of the same solid angle.
-    fn full_width_deg(&self) -> f64 {
-        let cosine = 1.0 - self.solid_angle_sr / std::f64::consts::TAU;
-        2.0 * cosine.clamp(-1.0, 1.0).acos().to_degrees()
-    }
-
-    /// Edge of the square cell that holds `rays` of the beam's rays, degrees.
-    fn cell_deg(&self, rays: f64) -> f64 {
-        (rays * self.solid_angle_sr / self.rays).sqrt().to_degrees()
     }
 }
 

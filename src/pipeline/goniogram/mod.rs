@@ -1,89 +1,35 @@
 //! 4. Flux to angles [Расчет углового распределения яркости].
 
 /// Which way the source looks.
-pub mod aim;
+pub mod orientation;
 /// The grid of directions: the one owner of the binning rule.
 pub mod sphere;
 /// The zone lattice and which point belongs where.
 pub mod zone;
 /// Directions to intensities.
 pub mod intensity;
+/// How wide the beam is, which decides how fine its grid must be.
+mod beam;
+/// Smoothing of the intensities over the grid of directions.
+mod smoothing;
 
+use crate::options::GoniogramOptions;
 pub use intensity::Goniogram;
 pub use sphere::SphereGrid;
 pub use zone::{Lattice, Zone};
 
-use super::Error;
-use super::flux::Surface;
-use super::flux::project::Projector;
-use super::flux::tally::{Quanta, Tally};
-use super::hull::{Cloud, Hull};
-use super::rays::Ray;
-use super::vocabulary::limits::Limits;
-use super::vocabulary::notice::Notices;
-use super::vocabulary::space::{Axis, Frame};
-use super::vocabulary::watch::StageWatch;
+use crate::error::Error;
+use crate::flux::Surface;
+use crate::flux::project::Projector;
+use crate::flux::tally::{Quanta, Tally};
+use crate::hull::{Cloud, Hull};
+use crate::source::Ray;
+use crate::vocabulary::limits::Limits;
+use crate::vocabulary::notice::Notices;
+use crate::vocabulary::space::Frame;
+use crate::vocabulary::watch::StageWatch;
 use intensity::Grids;
-use serde::Serialize;
 use zone::Zoning;
-
-/// How zones and their goniograms are made.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Options {
-    /// Zones along C0 and across it, 1..=32 each. Default: at most 16 zones, from the rays' density.
-    pub zones: Option<(u32, u32)>,
-    /// The source axis at γ = 0. Default: the axis nearest the direction of maximum intensity.
-    pub nadir: Option<Axis>,
-    /// The source axis at C0. Default: the next axis in cyclic order.
-    pub c0: Option<Axis>,
-    /// Step of γ, degrees; 180 is a whole multiple of it; 0.5..=30. Default: from the beam's width.
-    pub gamma_step_deg: Option<f64>,
-    /// Step of C, degrees; 360 is a whole multiple of it; 1..=90. Default 10.
-    pub c_step_deg: Option<f64>,
-    /// Smoothing on the grid.
-    pub smoothing: bool,
-}
-
-impl Default for Options {
-    fn default() -> Options {
-        Options { zones: None, nadir: None, c0: None, gamma_step_deg: None, c_step_deg: None, smoothing: true }
-    }
-}
-
-/// Most cells of an angular grid: more than any reader of IES files wants.
-const MOST_CELLS: usize = 40_000;
-
-impl Options {
-    /// What can be said of the options without a source.
-    ///
-    /// # Errors
-    /// [`Error::Unusable`] naming the option.
-    pub fn validate(&self) -> Result<(), Error> {
-        if let Some((columns, rows)) = self.zones {
-            for (option, count) in [("goniogram.zones.columns", columns), ("goniogram.zones.rows", rows)] {
-                if !(1..=zone::MOST_ALONG).contains(&count) {
-                    let found = format!("{columns} x {rows} zones were asked for.");
-                    return Err(Error::unusable("options.zones", option, found, "Ask for 1 to 32 each way."));
-                }
-            }
-        }
-        if let (Some(nadir), Some(c0)) = (self.nadir, self.c0)
-            && nadir.component() == c0.component()
-        {
-            return Err(aim::parallel(nadir, c0));
-        }
-        let gamma = sphere::whole_steps(self.gamma_step_deg, 180.0, 0.5..=30.0, "goniogram.gamma_step_deg")?;
-        let c = sphere::whole_steps(self.c_step_deg, 360.0, 1.0..=90.0, "goniogram.c_step_deg")?;
-        if let (Some(gamma), Some(c)) = (gamma, c)
-            && gamma * c > MOST_CELLS
-        {
-            let found = format!("{gamma} steps of gamma times {c} of C are {} cells.", gamma * c);
-            let remedy = format!("Choose wider steps: at most {MOST_CELLS} cells, e.g. 0.5 by 5 degrees.");
-            return Err(Error::unusable("options.angle_step", "goniogram.c_step_deg", found, remedy));
-        }
-        Ok(())
-    }
-}
 
 /// Zones and their goniograms.
 #[derive(Clone, Debug)]
@@ -115,11 +61,11 @@ pub fn measure(
     cloud: &Cloud<'_>,
     hull: &Hull,
     surface: &Surface,
-    options: &Options,
+    options: &GoniogramOptions,
     limits: &Limits,
     watch: StageWatch<'_>,
 ) -> Result<Goniograms, Error> {
-    let frame = aim::frame(&cloud.source.survey.directions, options)?;
+    let frame = orientation::frame(&cloud.source.survey.directions, options)?;
     let zoning = Zoning::new(hull, surface, frame, options.zones);
     let grids = Grids::new(&cloud.source.survey.directions, options);
     let (fine, spectral) = collect(cloud, hull, &zoning, &grids, limits, watch.part(0.0, 0.8))?;
@@ -154,7 +100,7 @@ fn collect(
     grids: &Grids,
     limits: &Limits,
     watch: StageWatch<'_>,
-) -> Result<(super::flux::Amounts, super::flux::Amounts), Error> {
+) -> Result<(crate::flux::Amounts, crate::flux::Amounts), Error> {
     let projector = Projector::new(hull);
     let quanta = Quanta::of(cloud.source);
     let has_bands = cloud.source.spectral.column_count() > 0;

@@ -1,12 +1,10 @@
 //! The grid of directions: the one owner of the binning rule.
 //!
-//! Node-centred cells (`OUTPUTS.md` 1.4): γ nodes 0, step, …, 180; C nodes 0, step, … below 360. A node's cell reaches halfway
+//! Node-centred cells (`pipeline/README.md` 4): γ nodes 0, step, …, 180; C nodes 0, step, … below 360. A node's cell reaches halfway
 //! to its neighbours; the pole cells are caps shared by all C. A cell's value is its mean; between nodes values are bilinear in
 //! C and γ.
 
-use super::super::Error;
 use std::f64::consts::{PI, TAU};
-use std::ops::RangeInclusive;
 
 /// A regular node-centred polar grid. Values over it are `[c][gamma]`, pole values repeated for every C.
 #[derive(Clone, Debug, PartialEq)]
@@ -147,27 +145,6 @@ impl SphereGrid {
     }
 }
 
-/// How many of `step_deg` make `whole_deg`.
-///
-/// # Errors
-/// [`Error::Unusable`] when out of `range` or no whole number of them does.
-pub fn whole_steps(
-    step_deg: Option<f64>,
-    whole_deg: f64,
-    range: RangeInclusive<f64>,
-    option: &'static str,
-) -> Result<Option<usize>, Error> {
-    let Some(step_deg) = step_deg else { return Ok(None) };
-    let count = (whole_deg / step_deg).round();
-    if range.contains(&step_deg) && (count * step_deg - whole_deg).abs() < 1e-9 * whole_deg {
-        return Ok(Some(count as usize));
-    }
-    let found = format!("A step of {step_deg} degrees was asked for.");
-    let remedy =
-        format!("Choose {} to {} degrees, a whole number of which make {whole_deg}.", range.start(), range.end());
-    Err(Error::unusable("options.angle_step", option, found, remedy))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -216,14 +193,5 @@ mod tests {
             }
         }
         assert!((grid.integral(&nodes) / sum - 1.0).abs() < 1e-5, "{} {sum}", grid.integral(&nodes));
-    }
-
-    #[test]
-    fn steps_must_make_a_whole() {
-        assert_eq!(whole_steps(Some(2.5), 180.0, 0.5..=30.0, "x").unwrap(), Some(72));
-        assert_eq!(whole_steps(None, 180.0, 0.5..=30.0, "x").unwrap(), None);
-        for bad in [7.0, 0.0, -5.0, f64::NAN, 90.0, 0.1] {
-            assert_eq!(whole_steps(Some(bad), 180.0, 0.5..=30.0, "x").unwrap_err().code(), "options.angle_step");
-        }
     }
 }

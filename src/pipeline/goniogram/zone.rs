@@ -1,9 +1,9 @@
 //! The zone lattice and which point belongs where.
 
-use super::super::flux::Surface;
-use super::super::hull::Hull;
-use super::super::vocabulary::space::{Bounds, Frame};
 use super::intensity::Goniogram;
+use crate::flux::Surface;
+use crate::hull::Hull;
+use crate::vocabulary::space::{Bounds, Frame};
 use glam::DVec3;
 
 /// A regular lattice of zones over the emission, in the plane normal to γ = 0. Columns run along C0 (photometric x), rows along
@@ -59,8 +59,6 @@ pub struct Zone {
     pub goniogram: Goniogram,
 }
 
-/// Most zones along one side of the lattice.
-pub const MOST_ALONG: u32 = 32;
 /// Most zones unless asked for more [на данный момент общее количество зон ограничено 16].
 const MOST_BY_DEFAULT: f64 = 16.0;
 /// Rays that make a zone of its own worth while: about 30 in each of the lit half of 1300 cells.
@@ -166,8 +164,8 @@ fn shape(count: f64, spread: [f64; 2]) -> (usize, usize) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::vocabulary::space::Axis;
     use super::*;
+    use crate::vocabulary::space::Axis;
 
     #[test]
     fn lattices_follow_the_emission() {

@@ -201,7 +201,7 @@ impl Edge {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hull::Label;
+    use crate::hull::mesh::Label;
     use crate::vocabulary::notice::Notices;
     use glam::DVec3;
 

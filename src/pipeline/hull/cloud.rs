@@ -1,22 +1,14 @@
-//! From rays to emission points: its own step, because in real files the origins often are not the emitter (`MODEL.md` 3).
+//! From rays to emission points: its own step, because in real files the origins often are not the emitter.
 //!
 //! Rays are lines; in air the radiance along a line does not change, so an emission point may be any point of its ray without
 //! changing any light outside. The paper takes the origins as given.
 
-use super::super::Error;
-use super::super::rays::{Ray, Source};
-use super::super::vocabulary::space::Bounds;
-use super::super::vocabulary::watch::StageWatch;
-use serde::Serialize;
-
-/// Where light is taken to start.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Emission {
-    /// The ray origins as given: the paper's form.
-    #[default]
-    Origins,
-}
+use crate::error::Error;
+use crate::options::Emission;
+use crate::source::Ray;
+use crate::source::Source;
+use crate::vocabulary::space::Bounds;
+use crate::vocabulary::watch::StageWatch;
 
 /// A source seen as emission points: every [`Ray::origin_mm`] that comes out of here is an emission point.
 pub struct Cloud<'a> {
@@ -52,3 +44,7 @@ impl Cloud<'_> {
         }
     }
 }
+
+/// One pass over all emission points: shows every chunk to the visitor, on any thread and in any order, so what a visitor
+/// gathers must not depend on either.
+pub type Pass<'a> = dyn Fn(StageWatch<'_>, &(dyn Fn(&[Ray]) + Sync)) -> Result<(), Error> + 'a;

@@ -1,6 +1,6 @@
 //! The regular lattice the six views share: cells, nodes, and who lies where.
 
-use super::super::vocabulary::space::Bounds;
+use crate::vocabulary::space::Bounds;
 use glam::DVec3;
 
 /// Thickness of a cell along an axis in which the cloud has no extent, in cells of the other axes.

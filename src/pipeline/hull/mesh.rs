@@ -1,7 +1,7 @@
 //! Vertices, triangles, areas, normals.
 
-use super::super::vocabulary::notice::Notices;
-use super::super::vocabulary::space::Bounds;
+use crate::vocabulary::notice::Notices;
+use crate::vocabulary::space::Bounds;
 use glam::DVec3;
 use serde::Serialize;
 
@@ -65,7 +65,7 @@ impl Hull {
         (0..self.triangles.len()).map(|triangle| self.area_mm2(triangle)).sum()
     }
 
-    /// A third of the areas of each vertex's triangles, mm²: A_l of `MODEL.md` 5.
+    /// A third of the areas of each vertex's triangles, mm²: A_l of `pipeline/README.md` 3.
     pub fn vertex_areas_mm2(&self) -> Vec<f64> {
         let mut areas = vec![0.0; self.vertices_mm.len()];
         for (triangle, corners) in self.triangles.iter().enumerate() {

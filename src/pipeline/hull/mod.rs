@@ -14,15 +14,15 @@ mod views;
 /// Completing level grids where points are missing by chance.
 mod fill;
 /// Pass 2: where light leaves the cells at the boundary of the solid, and in which direction.
-mod light;
+mod emission;
 /// Which faces of the solid emit, and which join those that do.
 mod stitch;
 /// From lattice faces to quads that share vertices.
-mod join;
+mod weld;
 /// From lattice nodes to the levels of the points.
-mod place;
+mod vertices;
 /// Groups of things that hang together.
-mod groups;
+mod disjoint_sets;
 /// Vertices, triangles, areas, normals.
 pub mod mesh;
 /// From quads to triangles.
@@ -32,58 +32,21 @@ pub mod check;
 /// Clouds with known surfaces.
 #[cfg(test)]
 mod tests;
+/// Symmetric 3 x 3 matrices of second moments: along which direction points spread least.
+mod covariance;
 
-pub use cloud::{Cloud, Emission};
+pub use crate::options::Emission;
+use crate::options::HullOptions;
+pub use cloud::Cloud;
+use cloud::Pass;
 pub use mesh::{Hull, Label};
 
-use super::Error;
-use super::rays::Ray;
-use super::vocabulary::limits::Limits;
-use super::vocabulary::notice::Notices;
-use super::vocabulary::space::Bounds;
-use super::vocabulary::watch::StageWatch;
-use serde::Serialize;
-
-/// How emission points become a surface.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Options {
-    /// Where light is taken to start.
-    pub emission: Emission,
-    /// Cells along the longest edge of the cloud's box, 4..=256. Default: from the number of rays per occupied cell.
-    pub resolution: Option<u32>,
-    /// The size filter [мера фильтрации]: longest edge of a stitched or filled triangle, mm. Default: from the cell size.
-    pub max_edge_mm: Option<f64>,
-}
-
-impl Options {
-    /// Whether resolution and size filter are in range.
-    ///
-    /// # Errors
-    /// [`Error::Unusable`].
-    pub fn validate(&self) -> Result<(), Error> {
-        if let Some(resolution) = self.resolution.filter(|resolution| !(4..=256).contains(resolution)) {
-            return Err(Error::unusable(
-                "options.hull_resolution",
-                "hull.resolution",
-                format!("The hull's resolution is {resolution} cells."),
-                "Choose 4 to 256 cells, or leave it out.",
-            ));
-        }
-        if let Some(edge) = self.max_edge_mm.filter(|edge| !(edge.is_finite() && *edge > 0.0)) {
-            return Err(Error::unusable(
-                "options.hull_max_edge",
-                "hull.max_edge_mm",
-                format!("The hull's size filter is {edge} mm."),
-                "Choose a positive length in mm, or leave it out.",
-            ));
-        }
-        Ok(())
-    }
-}
-
-/// One pass over all emission points: shows every chunk to the visitor, on any thread and in any order, so what a visitor
-/// gathers must not depend on either.
-type Pass<'a> = dyn Fn(StageWatch<'_>, &(dyn Fn(&[Ray]) + Sync)) -> Result<(), Error> + 'a;
+use crate::error::Error;
+use crate::source::Ray;
+use crate::vocabulary::limits::Limits;
+use crate::vocabulary::notice::Notices;
+use crate::vocabulary::space::Bounds;
+use crate::vocabulary::watch::StageWatch;
 
 /// The size filter's default, in diagonals of a lattice cell: no triangle of an ordinary curved surface is as long.
 const MAX_EDGE_DIAGONALS: f64 = 4.0;
@@ -92,7 +55,7 @@ const MAX_EDGE_DIAGONALS: f64 = 4.0;
 ///
 /// # Errors
 /// [`Error::Unusable`] for options out of range; [`Error::Refused`] above [`Limits::max_lattice_cells`]; [`Error::Cancelled`].
-pub fn wrap(cloud: &Cloud<'_>, options: &Options, limits: &Limits, watch: StageWatch<'_>) -> Result<Hull, Error> {
+pub fn wrap(cloud: &Cloud<'_>, options: &HullOptions, limits: &Limits, watch: StageWatch<'_>) -> Result<Hull, Error> {
     let pass = |watch: StageWatch<'_>, visit: &(dyn Fn(&[Ray]) + Sync)| {
         let visit_chunk = |rays: &[Ray]| {
             visit(rays);
@@ -107,7 +70,7 @@ pub fn wrap(cloud: &Cloud<'_>, options: &Options, limits: &Limits, watch: StageW
 fn wrap_points(
     pass: &Pass<'_>,
     bounds_mm: Bounds,
-    options: &Options,
+    options: &HullOptions,
     limits: &Limits,
     watch: StageWatch<'_>,
 ) -> Result<Hull, Error> {
@@ -121,10 +84,10 @@ fn wrap_points(
     fill::fill(&mut views, &occupancy, max_edge_mm);
     let mut solid = views::carve(lattice, &views);
 
-    let light = light::gather(pass, &solid, watch.part(0.5, 0.95))?;
-    let joined = join::join(&mut solid, &light);
+    let light = emission::gather(pass, &solid, watch.part(0.5, 0.95))?;
+    let joined = weld::join(&mut solid, &light);
     watch.step(0.97)?;
-    let places = place::place(&joined, &light, &lattice);
+    let places = vertices::place(&joined, &light, &lattice);
     watch.step(0.98)?;
     let hull = triangles::build(&joined, &places, &lattice, max_edge_mm, notices);
     if hull.triangles.is_empty() {

@@ -1,12 +1,12 @@
 //! Pass 1: how many emission points lie in each cell; which resolution they carry; which of them are strays.
 
-use super::super::Error;
-use super::super::vocabulary::limits::Limits;
-use super::super::vocabulary::notice::Notices;
-use super::super::vocabulary::space::Bounds;
-use super::super::vocabulary::watch::StageWatch;
-use super::Pass;
+use super::cloud::Pass;
 use super::lattice::Lattice;
+use crate::error::Error;
+use crate::vocabulary::limits::Limits;
+use crate::vocabulary::notice::Notices;
+use crate::vocabulary::space::Bounds;
+use crate::vocabulary::watch::StageWatch;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -207,9 +207,9 @@ impl Occupancy {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::rays::Ray;
-    use super::super::super::vocabulary::watch::{Stage, Unwatched};
     use super::*;
+    use crate::source::Ray;
+    use crate::vocabulary::watch::{Stage, Unwatched};
     use glam::DVec3;
 
     #[test]

@@ -3,9 +3,9 @@
 //! A cloud may be a closed body, an open dome or a flat chip: faces that light leaves stay, faces it leaves *from behind* go, and
 //! what lies along the light stays only where it joins two that stay.
 
-use super::groups::Groups;
+use super::disjoint_sets::Groups;
+use super::emission::{Light, SIDES};
 use super::lattice::{Lattice, Place};
-use super::light::{Light, SIDES};
 use super::mesh::Label;
 use super::views::Solid;
 use glam::DVec3;

@@ -50,7 +50,7 @@ fn cloud(count: usize, seed: u64, mut make: impl FnMut(&mut Dice) -> (DVec3, DVe
         .collect()
 }
 
-fn try_wrap(rays: &[Ray], options: &Options, limits: &Limits) -> Result<Hull, Error> {
+fn try_wrap(rays: &[Ray], options: &HullOptions, limits: &Limits) -> Result<Hull, Error> {
     let pass = |_: StageWatch<'_>, visit: &(dyn Fn(&[Ray]) + Sync)| {
         rays.par_chunks(1000).for_each(visit);
         Ok(())
@@ -64,7 +64,7 @@ fn wrapped(rays: &[Ray]) -> Hull {
 }
 
 fn wrapped_at(rays: &[Ray], resolution: Option<u32>) -> Hull {
-    let hull = try_wrap(rays, &Options { resolution, ..Options::default() }, &Limits::default()).unwrap();
+    let hull = try_wrap(rays, &HullOptions { resolution, ..HullOptions::default() }, &Limits::default()).unwrap();
     assert_eq!(hull.check(), []);
     hull
 }
@@ -270,7 +270,7 @@ fn turning_the_cloud_turns_the_hull() {
 fn the_size_filter_drops_what_is_stitched_and_never_what_is_projected() {
     let rays = dome(100_000);
     let all = wrapped(&rays);
-    let options = Options { max_edge_mm: Some(0.1 * all.cell_mm.min_element()), ..Options::default() };
+    let options = HullOptions { max_edge_mm: Some(0.1 * all.cell_mm.min_element()), ..HullOptions::default() };
     let hull = try_wrap(&rays, &options, &Limits::default()).unwrap();
     assert_eq!(hull.check(), []);
     assert!(all.count(Label::Stitched) > 0 && hull.count(Label::Stitched) < all.count(Label::Stitched) / 10);
@@ -280,16 +280,17 @@ fn the_size_filter_drops_what_is_stitched_and_never_what_is_projected() {
 #[test]
 fn options_out_of_range_are_refused_with_their_codes() {
     let rays = chip(100);
-    let code = |options: Options, limits: Limits| try_wrap(&rays, &options, &limits).map(|_| ()).unwrap_err().code();
+    let code =
+        |options: HullOptions, limits: Limits| try_wrap(&rays, &options, &limits).map(|_| ()).unwrap_err().code();
     let few = Limits { max_lattice_cells: 50, ..Limits::default() };
     assert_eq!(
-        code(Options { resolution: Some(3), ..Options::default() }, Limits::default()),
+        code(HullOptions { resolution: Some(3), ..HullOptions::default() }, Limits::default()),
         "options.hull_resolution"
     );
     assert_eq!(
-        code(Options { max_edge_mm: Some(0.0), ..Options::default() }, Limits::default()),
+        code(HullOptions { max_edge_mm: Some(0.0), ..HullOptions::default() }, Limits::default()),
         "options.hull_max_edge"
     );
-    assert_eq!(code(Options { resolution: Some(8), ..Options::default() }, few), "hull.too_fine");
-    assert_eq!(code(Options::default(), few), "hull.too_fine");
+    assert_eq!(code(HullOptions { resolution: Some(8), ..HullOptions::default() }, few), "hull.too_fine");
+    assert_eq!(code(HullOptions::default(), few), "hull.too_fine");
 }

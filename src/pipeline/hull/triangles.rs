@@ -1,11 +1,11 @@
 //! From quads to triangles: sound ones, of the sizes that the filter admits, with no vertex left over.
 
-use super::super::vocabulary::notice::Notices;
-use super::groups::Groups;
-use super::join::{Joined, Quad};
+use super::disjoint_sets::Groups;
 use super::lattice::Lattice;
 use super::mesh::{Hull, Label};
-use super::place::Placed;
+use super::vertices::Placed;
+use super::weld::{Joined, Quad};
+use crate::vocabulary::notice::Notices;
 use glam::DVec3;
 
 /// A triangle has turned too far when the cosine between its normal and the lattice's is smaller.

@@ -1,18 +1,16 @@
 //! Which spectral bands a source gets: the user's, or 380..780 nm in 10 nm, wider where the rays are.
 
-use super::super::Error;
-use super::super::vocabulary::notice::Notices;
-use super::super::vocabulary::spectrum::Bands;
-use super::Options;
-use super::source::Channel;
-use super::survey::wider;
+use crate::error::Error;
+use crate::options::{RaysOptions, bad_bands};
+use crate::vocabulary::notice::Notices;
+use crate::vocabulary::spectrum::{Bands, Table, wider};
 
 /// Range and step of the default bands, nm.
 const DEFAULT_NM: (f64, f64, f64) = (380.0, 780.0, 10.0);
 /// Wavelengths outside this range, nm, are not light anybody models; bands do not follow them.
 const LIGHT_NM: (f64, f64) = (100.0, 20_000.0);
-/// Most bands the default grows to; and most a user may ask for.
-const MOST_BANDS: (f64, usize) = (400.0, 4096);
+/// Most bands the default grows to.
+const MOST_BANDS: f64 = 400.0;
 
 /// The bands before the rays are known.
 pub struct Asked {
@@ -24,21 +22,23 @@ pub struct Asked {
 ///
 /// # Errors
 /// `options.band_edges`.
-pub fn asked(options: &Options) -> Result<Asked, Error> {
-    let bad = |found: String| {
-        let remedy = format!("Give 2 to {} positive wavelengths in nm, each larger than the last.", MOST_BANDS.1 + 1);
-        Error::unusable("options.band_edges", "rays.band_edges_nm", found, remedy)
-    };
-    if let Some(edges) = &options.band_edges_nm {
-        if edges.len() > MOST_BANDS.1 + 1 {
-            return Err(bad(format!("There are {} band edges.", edges.len())));
-        }
-        let bands = Bands::new(edges.clone()).ok_or_else(|| bad("The band edges do not increase.".to_owned()))?;
+pub fn asked(options: &RaysOptions) -> Result<Asked, Error> {
+    if let Some(bands) = options.bands()? {
         return Ok(Asked { bands, may_grow: false });
     }
     let (low, high, step) = DEFAULT_NM;
-    let bands = Bands::regular(low, high, step).ok_or_else(|| bad("There are no default bands.".to_owned()))?;
+    let bands = Bands::regular(low, high, step).ok_or_else(|| bad_bands("There are no default bands.".to_owned()))?;
     Ok(Asked { bands, may_grow: true })
+}
+
+/// The wavelengths of a channel whose rays were read.
+pub struct ChannelSpectrum<'a> {
+    /// From the shortest to the longest wavelength, nm; `None` without a spectrum.
+    pub range_nm: Option<(f64, f64)>,
+    /// Its spectral tables.
+    pub tables: &'a [Table],
+    /// How many rays lie outside [`Asked::bands`], and the index of the first.
+    pub outside: (u64, Option<u64>),
 }
 
 /// Which wavelengths a channel has, as far as that is known before its rays are read.
@@ -65,17 +65,17 @@ impl Reach {
 fn widened(low: f64, high: f64) -> Option<(f64, f64)> {
     let (from, to, step) = DEFAULT_NM;
     let (from, to) = (from.min((low / step).floor() * step), to.max((high / step).ceil() * step));
-    let fits = from >= LIGHT_NM.0 && to <= LIGHT_NM.1 && (to - from) / step <= MOST_BANDS.0;
+    let fits = from >= LIGHT_NM.0 && to <= LIGHT_NM.1 && (to - from) / step <= MOST_BANDS;
     fits.then_some((from, to))
 }
 
 /// Most bands that channels with these wavelengths can get.
-pub fn most(options: &Options, reaches: &[Reach]) -> f64 {
+pub fn most(options: &RaysOptions, reaches: &[Reach]) -> f64 {
     if let Some(edges) = &options.band_edges_nm {
         return edges.len().saturating_sub(1) as f64;
     }
     if reaches.contains(&Reach::Unknown) {
-        return MOST_BANDS.0;
+        return MOST_BANDS;
     }
     let (from, to, step) = DEFAULT_NM;
     let range = reaches.iter().fold(None, |range, reach| wider(range, reach.range_nm()));
@@ -94,9 +94,9 @@ impl Asked {
         self.bands
     }
 
-    /// The bands of the source, and what lies outside them. `outside`: per channel, rays outside [`Asked::bands`].
-    pub fn settle(self, channels: &[Channel], outside: &[(u64, Option<u64>)], notices: &mut Notices) -> Bands {
-        let range = channels.iter().fold(None, |range, channel| wider(range, range_nm(channel)));
+    /// The bands of the source; a notice tells what lies outside them.
+    pub fn settle(self, channels: &[ChannelSpectrum<'_>], notices: &mut Notices) -> Bands {
+        let range = channels.iter().fold(None, |range, channel| wider(range, channel.range_nm));
         let Some((low, high)) = range else { return self.bands };
         if self.may_grow {
             let widened = widened(low, high).and_then(|(from, to)| Bands::regular(from, to, DEFAULT_NM.2));
@@ -106,24 +106,20 @@ impl Asked {
             let told = format!("Wavelengths from {low} to {high} nm are too far apart for the default bands.");
             notices.add("rays.bands_not_widened", told);
         }
-        self.tell_outside(channels, outside, notices);
+        self.tell_outside(channels, notices);
         self.bands
     }
 
-    fn tell_outside(&self, channels: &[Channel], outside: &[(u64, Option<u64>)], notices: &mut Notices) {
+    fn tell_outside(&self, channels: &[ChannelSpectrum<'_>], notices: &mut Notices) {
         const CODE: &str = "rays.outside_bands";
-        for (channel, (count, first)) in channels.iter().zip(outside) {
-            if *count > 0 {
+        for channel in channels {
+            let (count, first) = channel.outside;
+            if count > 0 {
                 let told = "Rays have wavelengths outside the spectral bands; they count in the totals only.";
-                notices.count(CODE, *count, *first, told);
+                notices.count(CODE, count, first, told);
             }
-            let least = channel
-                .facts()
-                .spectral
-                .tables()
-                .iter()
-                .map(|table| table.shares(&self.bands).iter().sum::<f64>())
-                .fold(1.0, f64::min);
+            let least =
+                channel.tables.iter().map(|table| table.shares(&self.bands).iter().sum::<f64>()).fold(1.0, f64::min);
             if least < 1.0 - 1e-9 {
                 let told = format!(
                     "Up to {:.3} % of a spectral table lies outside the spectral bands; it counts in the totals only.",
@@ -133,10 +129,4 @@ impl Asked {
             }
         }
     }
-}
-
-fn range_nm(channel: &Channel) -> Option<(f64, f64)> {
-    let tables =
-        channel.facts().spectral.tables().iter().fold(None, |range, table| wider(range, Some(table.range_nm())));
-    wider(channel.survey.wavelength_nm, tables)
 }

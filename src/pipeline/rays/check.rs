@@ -1,19 +1,12 @@
 //! What a ray must satisfy. Refused: it cannot be meant. Dropped: it carries no light. Repaired: its direction is normalised.
 
-use super::super::Error;
-use super::super::vocabulary::limits::Limits;
-use super::bytes::f32_in;
 use super::conversion::Conversion;
-use super::{Bytes, Facts, RawRay, SpectralData};
+use crate::formats::proof::LENGTH_TOLERANCE;
+use crate::formats::record::{Facts, RawRay, SpectralData};
 use glam::DVec3;
 
-/// Largest error of a direction's length that is still rounding of a writer (`FORMATS.md` 7).
-const LENGTH_TOLERANCE: f64 = 1e-3;
 /// Errors of length above this are told: text with 6 decimals stays below it.
 const LENGTH_NOTICED: f64 = 1e-5;
-
-/// Rays whose directions prove a layout that is not the standard's.
-const PROOF_RAYS: u64 = 64;
 
 /// Code of the notice for a direction that was off by more than text rounding.
 pub const NORMALIZED: &str = "rays.direction_normalized";
@@ -136,39 +129,4 @@ pub fn check(facts: &Facts, conversion: &Conversion, raw: &RawRay) -> Result<Che
         normalized: off > LENGTH_NOTICED,
         xz_repaired: xz[0] < 0.0 || xz[1] < 0.0,
     })
-}
-
-/// No more rays than are allowed.
-///
-/// # Errors
-/// `rays.too_many`.
-pub fn count(ray_count: u64, limits: &Limits) -> Result<(), Error> {
-    if ray_count <= limits.max_rays {
-        return Ok(());
-    }
-    let found = format!("The file holds {ray_count} rays; {} are allowed.", limits.max_rays);
-    Err(Error::refused("rays.too_many", found, "Thin the file out, or raise the limit."))
-}
-
-/// A direction as rays have it: of unit length but for a writer's rounding.
-pub fn is_unit(direction: [f64; 3]) -> bool {
-    (DVec3::from_array(direction).length() - 1.0).abs() <= LENGTH_TOLERANCE
-}
-
-/// The three f32 from byte `at` of a record are a direction.
-pub fn is_unit_at(record: &[u8], at: usize) -> bool {
-    is_unit([0, 4, 8].map(|k| f64::from(f32_in(record, at + k))))
-}
-
-/// Most of the first directions are unit vectors when records of `record_bytes` start at byte `start` with a position and a
-/// direction in f32. A file cut short can have the length of another layout by accident, but not its directions.
-///
-/// # Errors
-/// [`Error::Unreadable`].
-pub fn directions_hold(bytes: &dyn Bytes, start: u64, record_bytes: u64, ray_count: u64) -> Result<bool, Error> {
-    let looked = ray_count.min(PROOF_RAYS) as usize;
-    let mut block = vec![0; looked * record_bytes as usize];
-    bytes.read_at(start, &mut block)?;
-    let held = block.chunks_exact(record_bytes as usize).filter(|record| is_unit_at(record, 12)).count();
-    Ok(looked > 0 && 10 * held >= 9 * looked)
 }

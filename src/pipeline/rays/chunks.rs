@@ -1,7 +1,7 @@
 //! Chunks in parallel, answers in order: the one place where work on rays is spread over threads.
 
-use super::super::Error;
-use super::super::vocabulary::watch::StageWatch;
+use crate::error::Error;
+use crate::vocabulary::watch::StageWatch;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -53,8 +53,8 @@ pub fn in_order<S, T: Send, A>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::vocabulary::watch::{Stage, Unwatched};
     use super::*;
+    use crate::vocabulary::watch::{Stage, Unwatched};
     use rayon::ThreadPoolBuilder;
     use std::sync::Mutex;
 

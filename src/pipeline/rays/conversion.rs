@@ -1,10 +1,10 @@
 //! From the numbers a file stores to W and lm. Nothing is guessed: what neither the rays nor a spectrum gives stays unknown.
 
-use super::super::error::{Error, Place};
-use super::super::vocabulary::spectrum::lm_per_w;
-use super::super::vocabulary::units::Flux;
-use super::declared::Total;
-use super::{Facts, RawRay, SpectralData, TotalRule};
+use crate::error::{Error, Place};
+use crate::formats::record::{Facts, RawRay, SpectralData, TotalRule};
+use crate::vocabulary::declaration::Total;
+use crate::vocabulary::spectrum::lm_per_w;
+use crate::vocabulary::units::Flux;
 
 /// Rays and header agree to the rounding of their 32-bit numbers.
 const SAME_TOTAL: f64 = 2.5e-7;
@@ -24,7 +24,7 @@ enum Efficacy {
 
 impl Efficacy {
     /// The header's own lm/W where it has both totals and one spectrum holds for all rays: it was made from the measured
-    /// spectrum, of which the table is a coarse copy (`FORMATS.md` 1).
+    /// spectrum, of which the table is a coarse copy (`pipeline/formats/README.md` 1).
     fn of(facts: &Facts) -> Efficacy {
         match &facts.spectral {
             SpectralData::None | SpectralData::Tristimulus => Efficacy::Unknown,

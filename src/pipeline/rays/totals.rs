@@ -1,15 +1,15 @@
 //! Whether the totals of a source can be meant.
 
-use super::super::Error;
-use super::super::vocabulary::notice::Notices;
-use super::super::vocabulary::units::Flux;
 use super::conversion::{Sums, header_lm_per_w};
 use super::survey::Survey;
-use super::{Facts, SpectralData, TotalRule};
+use crate::error::Error;
+use crate::formats::record::{Facts, SpectralData, TotalRule};
+use crate::vocabulary::notice::Notices;
+use crate::vocabulary::units::Flux;
 
 /// Header and rays differ by more than rounding of f32 sums.
 pub const RATIO_NOTICED: f64 = 1e-3;
-/// Header efficacy and spectrum differ by more than coarse tables explain (OSRAM's own: 1.6 %, `FORMATS.md` 1).
+/// Header efficacy and spectrum differ by more than coarse tables explain (OSRAM's own: 1.6 %, `pipeline/formats/README.md` 1).
 pub const EFFICACY_NOTICED: f64 = 0.05;
 /// Boxes larger or smaller than this, mm, are seldom light sources but often wrong units.
 pub const LIKELY_SIZE_MM: (f64, f64) = (1e-3, 1e3);

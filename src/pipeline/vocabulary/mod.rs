@@ -14,3 +14,5 @@ pub mod limits;
 pub mod notice;
 /// Progress out, cancellation in.
 pub mod watch;
+/// What a user declares of a ray file, before the file's own word.
+pub mod declaration;

@@ -127,7 +127,7 @@ impl Bounds {
     }
 }
 
-/// The photometric frame of a type C goniogram (`OUTPUTS.md` 1.3; LM-63: γ = 0 is nadir).
+/// The photometric frame of a type C goniogram (`pipeline/README.md`, frames; LM-63: γ = 0 is nadir).
 /// γ = 0 at `-z`, C0 at `x`, C90 at `y`, C counter-clockwise seen from `z`. For a +Z emitter: x = +X, y = -Y, z = -Z.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {

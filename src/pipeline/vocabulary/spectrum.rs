@@ -190,6 +190,14 @@ fn lumens(pair: &[(f64, f64)]) -> f64 {
         .sum()
 }
 
+/// The smallest range that holds both.
+pub fn wider(a: Option<(f64, f64)>, b: Option<(f64, f64)>) -> Option<(f64, f64)> {
+    match (a, b) {
+        (Some((low, high)), Some((other_low, other_high))) => Some((low.min(other_low), high.max(other_high))),
+        (a, b) => a.or(b),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,6 +1,6 @@
 //! Progress out, cancellation in: the only thread between the computation and who waits for it.
 
-use super::super::Error;
+use crate::error::Error;
 use serde::Serialize;
 
 /// The stages of a run, in order. The names are the folder names, the log field `stage` and the headings of reports.

@@ -10,8 +10,8 @@ mod answers;
 
 pub use places::AtHand;
 
-use super::forwarded::{Peer, Proxies};
-use super::metrics::Metrics;
+use crate::forwarded::{Peer, Proxies};
+use crate::metrics::Metrics;
 use answers::{Held, Unasked};
 use axum::Router;
 use axum::body::Body;

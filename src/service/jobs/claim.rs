@@ -2,10 +2,10 @@
 //! is by priority, then age. Where that job does not fit beside what this process computes, the slot waits for it: smaller
 //! ones do not pass it, so that it is begun at last. Jobs that never fit this process are left to others.
 
-use super::super::crash;
-use super::super::storage::{self, records::Statement, records::sql};
-use super::memory::needed;
+use super::memory_budget::needed;
 use super::queue::{Claim, Queue};
+use crate::storage::records::statement::{Statement, sql};
+use crate::{crash, storage};
 use std::time::Duration;
 use tokio::time::sleep;
 

@@ -1,7 +1,7 @@
 //! What a client may choose, as sent and as stored. Every field may be left out; what is left out is the pipeline's
 //! default. The pipeline says what can be used, here before anything is queued.
 
-use crate::pipeline::{self, Axis};
+use pipeline::Axis;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 

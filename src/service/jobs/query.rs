@@ -1,15 +1,17 @@
 //! What is known of jobs; changes nothing.
 
-use super::super::metadata::Metadata;
-use super::super::storage::Error;
-use super::super::storage::metadata;
-use super::super::storage::records::{Records, Row, sql};
-use super::super::webhooks::deliveries;
-use super::channels::{Channel, TotalFlux};
 use super::options::JobOptions;
-use super::{Failure, Priority, State, StoredNotice};
-use crate::pipeline::Stage;
-use std::collections::{BTreeMap, HashMap};
+use super::request::{Channel, TotalFlux};
+use super::{Priority, State};
+use crate::failure::{Failure, StoredNotice};
+use crate::metadata::{Metadata, rows};
+use crate::metrics::Backlog;
+use crate::storage::error::Error;
+use crate::storage::records::Records;
+use crate::storage::records::statement::{Row, sql};
+use crate::webhooks::deliveries;
+use pipeline::Stage;
+use std::collections::HashMap;
 use std::time::Duration;
 
 /// Ended jobs that an estimate is made from.
@@ -208,7 +210,7 @@ pub async fn list(
         let select = select.bind(filter.created_after_ms.unwrap_or(-1)).bind(filter.created_before_ms.unwrap_or(-1));
         let mut select = select.bind(limit);
         if !filter.metadata.is_empty() {
-            select = metadata::bind_wanted(select, &filter.metadata)?;
+            select = rows::bind_wanted(select, &filter.metadata)?;
         }
         Ok::<_, Error>(filter.ray_set.as_deref().map_or(select.clone(), |ray_set| select.bind(ray_set)))
     };
@@ -364,7 +366,7 @@ async fn job(records: &Records, row: &Row) -> Result<Job, Error> {
         stage_progress,
         priority,
         timeout_s,
-        metadata: metadata::read(&row.text("metadata")?)?,
+        metadata: rows::read(&row.text("metadata")?)?,
         memory_bytes: row.count("memory_bytes")?,
         queue_position,
         failure: failure.as_deref().map(stored).transpose()?,
@@ -387,29 +389,6 @@ fn artifact(row: &Row) -> Result<StoredArtifact, Error> {
 
 fn stored<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, Error> {
     serde_json::from_str(text).map_err(Error::fault)
-}
-
-/// What waits and what runs, in all processes together.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Backlog {
-    /// Waiting jobs.
-    pub queued: u64,
-    /// Running jobs by the stage they are in, "none" before the first.
-    pub running: BTreeMap<String, u64>,
-    /// How long the oldest waiting job has waited.
-    pub oldest_queued: Duration,
-    /// How long ago the running job that was begun first was begun.
-    pub oldest_running: Duration,
-    /// Running jobs whose lease has ended.
-    pub overdue: u64,
-    /// Tenants with waiting jobs.
-    pub tenants_waiting: u64,
-    /// Waiting jobs that need more memory than this process has; not counted by [`backlog`].
-    pub too_large: u64,
-    /// Waiting jobs of the tenant that has most.
-    pub longest_tenant_queue: u64,
-    /// Deliveries to webhooks that wait.
-    pub deliveries: u64,
 }
 
 /// What waits and what runs.

@@ -2,19 +2,20 @@
 //! for in `recovery.rs`. At least once begun, exactly once published: a worker's write names the fence its claim gave it, and
 //! zero rows changed means that the lease was lost and the result is nobody's.
 
-use super::super::access::quota::{Exceeded, Quota};
-use super::super::crash;
-use super::super::metrics::Metrics;
-use super::super::storage::records::{ms, sql};
-use super::super::storage::{self, Storage, job_folder, new_id};
-use super::super::webhooks::announcement;
-use super::channels::NewJob;
-use super::memory::{Held, Memory, TooLarge};
-use super::prospect::{Prospect, prospect};
-use super::query::{self, StoredArtifact};
+pub use super::error::Error;
+use super::estimate::{Prospect, prospect};
+use super::memory_budget::{Held, Memory};
+use super::query::StoredArtifact;
 use super::recent::Recent;
-use super::{Failure, State, StoredNotice};
-use crate::pipeline;
+use super::request::NewJob;
+use super::{outbox, query};
+use crate::accounts::quota::Quota;
+use crate::failure::{Failure, StoredNotice};
+use crate::metrics::Metrics;
+use crate::storage::Storage;
+use crate::storage::keys::{job_folder, new_id};
+use crate::storage::records::statement::{ms, sql};
+use crate::{crash, storage};
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
 use std::time::Duration;
@@ -22,41 +23,6 @@ use tokio::sync::{Notify, watch};
 
 /// The back-off after a store did not answer grows no further than 2⁶ times the first.
 const MAX_DOUBLINGS: u32 = 6;
-
-/// Why a job cannot be changed so.
-#[derive(Debug, thiserror::Error)]
-pub enum Error {
-    /// There is no such job.
-    #[error("there is no job {0}")]
-    Missing(String),
-    /// There is no such ray set.
-    #[error("there is no ray set {0}")]
-    MissingRaySet(String),
-    /// There is no such spectrum.
-    #[error("there is no spectrum {0}")]
-    MissingSpectrum(String),
-    /// The job is in a state from which this is not legal.
-    #[error("the job is {}", .0.name())]
-    State(State),
-    /// The tenant has too many jobs waiting, or no room for what it would give.
-    #[error(transparent)]
-    Quota(#[from] Exceeded),
-    /// Its options, or its channels together, cannot be meant.
-    #[error(transparent)]
-    Unfit(#[from] pipeline::Error),
-    /// It can never be begun with the memory there is.
-    #[error(transparent)]
-    TooLarge(#[from] TooLarge),
-    /// The key stands for another request.
-    #[error("the key {0:?} was used for another request")]
-    KeyReused(String),
-    /// The job that the key made was deleted.
-    #[error("the job of the key {0:?} was deleted")]
-    KeySpent(String),
-    /// A store did not answer.
-    #[error(transparent)]
-    Storage(#[from] storage::Error),
-}
 
 /// A job taken by this worker, until its lease ends.
 #[derive(Clone, Debug, Default)]
@@ -384,7 +350,7 @@ impl Queue {
                       AND ($3 = 0 OR COALESCE(used_ms, 0) <= {now} - $3)";
         let change = self.change(tenant, id);
         let mut transaction = self.storage.records.begin().await?;
-        announcement::announce_one(&mut transaction, tenant, id).await?;
+        outbox::announce_one(&mut transaction, tenant, id).await?;
         let deleted = transaction.write(sql(delete).bind(tenant).bind(id).bind(ms(age))).await?;
         transaction.commit().await?;
         drop(change);

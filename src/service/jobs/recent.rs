@@ -2,10 +2,11 @@
 //! with the change. What others change: on engines of our own, where nobody else has a right to, it is looked for once per poll; on
 //! shared engines every answer is compared with the database first, all of those who ask at once with one statement.
 
-use super::super::storage::Error;
-use super::super::storage::records::Records;
-use super::super::storage::together::Together;
-use super::query::{self, Job, Stamp};
+use super::query;
+use super::query::{Job, Stamp};
+use crate::storage::error::Error;
+use crate::storage::records::Records;
+use crate::storage::together::Together;
 use bytes::Bytes;
 use futures::FutureExt;
 use hashlink::LruCache;
@@ -274,10 +275,10 @@ fn key(tenant: &str, id: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::metadata::Metadata;
-    use super::super::options::JobOptions;
-    use super::super::{Priority, State};
     use super::*;
+    use crate::jobs::options::JobOptions;
+    use crate::jobs::{Priority, State};
+    use crate::metadata::Metadata;
 
     fn known(state: State) -> Arc<Known> {
         let queue_position = (state == State::Queued).then_some(1);
@@ -371,7 +372,7 @@ mod tests {
             assert!(is_kept(&recent, "a", "0"), "what is asked for stays");
         }
         assert!(recent.0.kept().jobs.len() <= JOBS && !is_kept(&recent, "a", "1"));
-        let notice = super::super::StoredNotice {
+        let notice = crate::failure::StoredNotice {
             code: "x".into(),
             count: 1,
             first_ray: None,

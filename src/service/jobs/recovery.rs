@@ -1,9 +1,10 @@
 //! What becomes of jobs whose worker was lost, and of those that nobody can begin.
 
-use super::super::storage::{self, records::sql};
-use super::Failure;
-use super::memory::needed;
+use super::memory_budget::needed;
 use super::queue::{Queue, json};
+use crate::failure::Failure;
+use crate::storage;
+use crate::storage::records::statement::sql;
 
 impl Queue {
     /// Ends the lease of every running job: only right when no other process can be running any.

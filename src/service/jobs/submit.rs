@@ -1,14 +1,17 @@
 //! How a job comes into the queue: once for each key, not at all where an equal one is there, else as a row and its channels.
 //! All of it in one transaction, which holds the tenant's row: two requests at once come one after the other.
 
-use super::super::crash;
-use super::super::hex::hex;
-use super::super::storage::records::{Row, Statement, Transaction, ms, sql};
-use super::super::storage::{self, metadata, new_id};
-use super::channels::{Channel, NewJob};
-use super::memory::needed;
-use super::prospect::Prospect;
-use super::queue::{Error, Queue, json};
+use super::error::Error;
+use super::estimate::Prospect;
+use super::memory_budget::needed;
+use super::queue::{Queue, json};
+use super::request::{Channel, NewJob};
+use crate::hex::hex;
+use crate::metadata::rows;
+use crate::storage::keys::new_id;
+use crate::storage::records::Transaction;
+use crate::storage::records::statement::{Row, Statement, ms, sql};
+use crate::{crash, storage};
 use sha2::{Digest, Sha256};
 use std::time::Duration;
 
@@ -164,7 +167,7 @@ impl Queue {
         new: &NewJob,
     ) -> Result<Statement, storage::Error> {
         let equal = self.machine(sql(text).bind(tenant).bind(content)).bind(timeout_ms(new));
-        Ok(equal.bind(metadata::written(&new.metadata)?))
+        Ok(equal.bind(rows::written(&new.metadata)?))
     }
 
     /// The job that gives, or gave, what `new` would.
@@ -200,9 +203,9 @@ impl Queue {
         let threads = i64::try_from(prospect.memory_threads).unwrap_or(i64::MAX);
         let insert = insert.bind(prospect.memory_bytes.cast_signed()).bind(threads);
         let insert = insert.bind(prospect.thread_bytes.cast_signed()).bind(prospect.ray_count.cast_signed());
-        let insert = insert.bind(prospect.content_sha256.as_deref()).bind(metadata::written(&new.metadata)?);
+        let insert = insert.bind(prospect.content_sha256.as_deref()).bind(rows::written(&new.metadata)?);
         transaction.write(insert).await?;
-        metadata::of_job(transaction, tenant, &id, &new.metadata).await?;
+        rows::of_job(transaction, tenant, &id, &new.metadata).await?;
         for (position, channel) in new.channels.iter().enumerate() {
             insert_channel(transaction, tenant, &id, position, channel).await?;
         }

@@ -1,9 +1,10 @@
 //! Tells clients that their jobs change: one reader of the database for everybody who waits in this process, not one each.
 
-use super::super::storage::records::Records;
-use super::query::{self, Standing};
+use super::query;
+use super::query::Standing;
 use super::recent::Recent;
 use super::shares::{Share, Shares};
+use crate::storage::records::Records;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -160,8 +161,8 @@ impl Drop for Watching {
 
 #[cfg(test)]
 mod tests {
-    use super::super::State;
     use super::*;
+    use crate::jobs::State;
 
     fn standing(state: State) -> Standing {
         Standing { state, attempt: 0, stage: None, stage_progress: 0.0, queue_position: None }

@@ -1,19 +1,22 @@
 //! Takes jobs from the queue and computes them: the only caller of [`pipeline::run`], on threads that serve nobody else.
 
-use super::super::cause::Cause;
-use super::super::crash;
-use super::super::hex::hex;
-use super::super::metrics::Metrics;
-use super::super::priority::{self, Lost};
-use super::super::storage::parts::{Part, Parts};
-use super::super::storage::ray_sets::RaySet;
-use super::super::storage::{self, Storage, ray_sets, spectra};
-use super::channels::{Channel, TotalFlux};
+use super::ZIP;
 use super::options::JobOptions;
-use super::query::{self, StoredArtifact};
+use super::query;
+use super::query::StoredArtifact;
 use super::queue::{Beat, Claim, Queue};
-use super::{Failure, StoredNotice};
-use crate::pipeline::{self, Artifact, Input, Limits, Notice, Stage, Watch};
+use super::request::{Channel, TotalFlux};
+use crate::cause::Cause;
+use crate::failure::{Failure, StoredNotice};
+use crate::hex::hex;
+use crate::metrics::Metrics;
+use crate::priority::Lost;
+use crate::ray_sets::rows;
+use crate::ray_sets::rows::RaySet;
+use crate::storage::Storage;
+use crate::storage::parts::{Part, Parts};
+use crate::{crash, priority, spectra, storage};
+use pipeline::{Artifact, Input, Limits, Notice, Stage, Watch};
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
@@ -24,9 +27,6 @@ use tokio::task::JoinSet;
 use tokio::time::{Instant, MissedTickBehavior, interval, sleep};
 use tokio_util::sync::CancellationToken;
 use tracing::Instrument;
-
-/// The artifact that holds all others.
-pub const ZIP: &str = "model.zip";
 
 /// What a job is computed into.
 #[derive(Debug, Default)]
@@ -290,8 +290,8 @@ impl Worker {
         let (records, tenant) = (&self.storage.records, claim.tenant.as_str());
         let missing = |what: &str, id: &str| storage::Error::fault(format!("{what} {id} is gone"));
         let id = &channel.ray_set;
-        let ray_set = ray_sets::get(records, tenant, id).await?.ok_or_else(|| missing("ray set", id))?;
-        let parts = ray_sets::parts(records, id).await?;
+        let ray_set = rows::get(records, tenant, id).await?.ok_or_else(|| missing("ray set", id))?;
+        let parts = rows::parts(records, id).await?;
         let notices = ray_set.packed.as_ref().map_or(Vec::new(), |packed| {
             let files = packed.left_out.iter().map(|file| (file.name.as_str(), file.code.as_str()));
             pipeline::left_out(&packed.name, files)

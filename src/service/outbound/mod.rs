@@ -8,7 +8,7 @@ mod addresses;
 
 pub use addresses::Exception;
 
-use super::tls;
+use crate::tls;
 use addresses::is_global;
 use bytes::Bytes;
 use futures::StreamExt;

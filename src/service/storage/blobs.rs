@@ -1,8 +1,9 @@
 //! The object store: the only file that names it. Blobs are written once and never changed; a key says whose they are:
 //! `ray-sets/<ray set>/<part>` and `artifacts/<job>/<fence>/<name>`.
 
-use super::super::tls;
-use super::{Error, private};
+use super::error::Error;
+use super::private;
+use crate::tls;
 use bytes::Bytes;
 use futures::stream::BoxStream;
 use futures::{StreamExt, TryStreamExt};

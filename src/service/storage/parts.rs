@@ -1,7 +1,6 @@
 //! A ray set's parts as one file: what the pipeline reads from.
 
 use super::blobs::Blobs;
-use crate::pipeline;
 use bytes::Bytes;
 use std::collections::VecDeque;
 use std::fs::File;
@@ -179,7 +178,7 @@ impl pipeline::Bytes for Parts {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::Bytes as _;
+    use pipeline::Bytes as _;
 
     #[test]
     fn every_range_of_three_parts_is_that_range_of_the_whole() {
@@ -223,7 +222,7 @@ mod tests {
     #[cfg(target_os = "linux")]
     #[tokio::test]
     async fn reading_for_a_thread_of_lower_priority_lowers_no_thread_of_the_runtime() {
-        use crate::service::priority::compute;
+        use crate::priority::compute;
         let folder = tempfile::tempdir().unwrap();
         let blobs = Blobs::open(&format!("file:{}", folder.path().display())).unwrap();
         blobs.put("ray-sets/x/0", vec![7; 100].into()).await.unwrap();
@@ -283,3 +282,7 @@ mod tests {
         });
     }
 }
+
+/// Longest part, bytes: every upload at hand holds one or two in memory, and eight at once are to stay below 64 MB with all they
+/// need. Less would be more rows, more requests to a store, and more waiting for a disk.
+pub const PART_BYTES: usize = 5 << 19;

@@ -1,11 +1,12 @@
 //! Files and folders that no other user of the machine may read: what lies on local disks is what tenants have sent, and what
 //! was computed from it. New ones are made so, whatever the umask says; older ones that are open to others are closed.
 
-use super::{database_file, owner};
-use std::fs::{self, DirBuilder, File, OpenOptions, Permissions};
-use std::io;
+use super::database_url;
+use super::keys::OWNER_KEY;
+use std::fs::{DirBuilder, File, OpenOptions, Permissions};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 /// The mode of a folder.
 const FOLDER: u32 = 0o700;
@@ -72,15 +73,15 @@ impl Closed {
         let mut closed = Closed::default();
         closed.close(data);
         closed.close(&data.join("lock"));
-        if let Some(file) = database_file::path(database_url) {
-            for file in database_file::all(&file) {
+        if let Some(file) = database_url::path(database_url) {
+            for file in database_url::all(&file) {
                 closed.close(&file);
             }
         }
         if let Some(blobs) = storage_url.strip_prefix("file:").map(Path::new) {
             closed.close(blobs);
-            closed.close(&blobs.join(owner::KEY));
-            for folder in super::FOLDERS {
+            closed.close(&blobs.join(OWNER_KEY));
+            for folder in super::keys::FOLDERS {
                 closed.close_tree(&blobs.join(folder));
             }
         }
@@ -173,7 +174,7 @@ mod tests {
         set(&blobs, 0o555);
         set(&blobs.join("ray-sets/a"), 0o711);
         let mode = |path: &str| fs::metadata(base.path().join(path)).unwrap().mode() & 0o7777;
-        let (url, store) = (database_file::url(&data.join("service.db")), format!("file:{}", blobs.display()));
+        let (url, store) = (database_url::url(&data.join("service.db")), format!("file:{}", blobs.display()));
         let closed = Closed::of_service(&data, &url, &store);
         assert!(closed.open.is_empty(), "{closed:?}");
         assert_eq!((mode("data"), mode("data/blobs"), mode("data/blobs/ray-sets/a")), (0o2700, 0o500, 0o700));

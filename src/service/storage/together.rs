@@ -1,7 +1,7 @@
 //! One statement for everybody who asks at the same time. Whoever asks while a read is under way is answered by the next one, so an
 //! answer is never older than its question, and the database is asked once however many clients wait.
 
-use super::Error;
+use super::error::Error;
 use futures::future::BoxFuture;
 use std::collections::{BTreeSet, HashMap};
 use std::mem;

@@ -4,9 +4,8 @@
 /// Spans to a collector.
 #[cfg(feature = "otlp")]
 mod traces;
-
 /// Text from others, for a person.
-mod visible;
+pub mod visible;
 
 pub use visible::visible;
 

@@ -1,7 +1,7 @@
 //! Spans to an OpenTelemetry collector, over HTTP: the only file that names it. Where to is said by the usual variables,
 //! `OTEL_EXPORTER_OTLP_ENDPOINT` or `OTEL_EXPORTER_OTLP_TRACES_ENDPOINT`; without them nothing is sent.
 
-use super::super::tls;
+use crate::tls;
 use opentelemetry::KeyValue;
 use opentelemetry::trace::TracerProvider;
 use opentelemetry_otlp::SpanExporter;

@@ -1,27 +1,27 @@
 //! Tells endpoints what is due. Every process does, and which of them does not matter: a delivery is leased to one of them.
 
-use super::super::crash;
-use super::super::metrics::Metrics;
-use super::super::outbound::Outbound;
-use super::super::storage::Error;
-use super::super::storage::records::Records;
-use super::deliveries::{self, Attempted, Sending};
-use super::{Policy, announcement, signature};
+use super::deliveries::{Attempted, Sending};
+use super::{Policy, deliveries, signature};
+use crate::crash;
+use crate::metrics::Metrics;
+use crate::outbound::Outbound;
+use crate::storage::error::Error;
+use crate::storage::records::Records;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::{Notify, watch};
+use tokio::sync::Notify;
 use tokio::task::JoinSet;
 use tokio::time::{Instant, sleep};
 use tokio_util::sync::CancellationToken;
 
 /// Attempts of this process at once: sockets that mostly wait.
 const AT_ONCE: usize = 64;
-/// Least time between two looks: what ends together is announced together.
+/// Least time between two looks.
 const GAP: Duration = Duration::from_millis(50);
 /// How often what was told too long ago is forgotten.
 const FORGETTING: Duration = Duration::from_hours(1);
 
-/// Announces, tells and forgets. Cheap to clone.
+/// Sends and forgets. Cheap to clone.
 #[derive(Clone)]
 pub struct Dispatcher {
     records: Records,
@@ -52,9 +52,9 @@ impl Dispatcher {
         self.wake.notify_one();
     }
 
-    /// Tells until the service is `stopping`: when this process `changes` a job, and every `poll` for what others changed and what is
+    /// Sends what is due until the service is `stopping`: when it is woken, and every `poll` for what others announced and what is
     /// due again. Attempts that were begun are ended.
-    pub async fn keep_up(self, mut changes: watch::Receiver<()>, poll: Duration, stopping: CancellationToken) {
+    pub async fn keep_up(self, poll: Duration, stopping: CancellationToken) {
         let mut sending = JoinSet::new();
         let mut forget_at = Instant::now();
         while !stopping.is_cancelled() {
@@ -69,7 +69,6 @@ impl Dispatcher {
             }
             sleep(GAP).await;
             tokio::select! {
-                _ = changes.changed() => {}
                 () = self.wake.notified() => {}
                 _ = sending.join_next(), if !sending.is_empty() => {}
                 () = sleep(poll) => {}
@@ -79,9 +78,8 @@ impl Dispatcher {
         while sending.join_next().await.is_some() {}
     }
 
-    /// Announces what has ended, and begins what is due.
+    /// Begins what is due.
     async fn look(&self, sending: &mut JoinSet<()>) -> Result<(), Error> {
-        while announcement::announce(&self.records).await? > 0 {}
         while sending.try_join_next().is_some() {}
         while sending.len() < AT_ONCE
             && let Some(next) = deliveries::claim(&self.records, self.policy.longest).await?

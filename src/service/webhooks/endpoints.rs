@@ -1,9 +1,11 @@
 //! Rows of endpoints.
 
-use super::super::access::tenants;
-use super::super::storage::records::{Records, Row, ms, sql};
-use super::super::storage::{Error, new_id};
 use super::{Event, signature};
+use crate::accounts::tenants;
+use crate::storage::error::Error;
+use crate::storage::keys::new_id;
+use crate::storage::records::Records;
+use crate::storage::records::statement::{Row, ms, sql};
 use std::time::Duration;
 
 /// Most endpoints of a tenant: each is told of every job.
@@ -55,7 +57,7 @@ fn endpoint(row: &Row) -> Result<Endpoint, Error> {
 }
 
 /// Events as a row has them; one of a newer version is told to nobody here.
-pub(super) fn events(text: &str) -> Vec<Event> {
+pub fn events(text: &str) -> Vec<Event> {
     text.split(' ').filter_map(Event::parse).collect()
 }
 

@@ -3,8 +3,6 @@
 
 /// Where to tell it.
 pub mod endpoints;
-/// What is to be told.
-pub mod announcement;
 /// To whom, and how that went.
 pub mod deliveries;
 /// Tells it.
@@ -12,13 +10,9 @@ pub mod dispatcher;
 /// Who told it.
 pub mod signature;
 
-use super::calendar::rfc_3339;
-use super::forwarded::Prefix;
-use super::jobs::worker::ZIP;
-use super::jobs::{Failure, State};
-use super::metadata::Metadata;
-use super::storage::records::Row;
-use super::storage::{Error, metadata};
+use crate::calendar::rfc_3339;
+use crate::forwarded::Prefix;
+use crate::storage::error::Error;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
@@ -36,7 +30,7 @@ pub enum Event {
     Cancelled,
 }
 
-/// What [`announcement::ping`] tells: nothing has happened.
+/// What [`crate::jobs::outbox::ping`] tells: nothing has happened.
 pub const PING: &str = "ping";
 
 impl Event {
@@ -55,15 +49,6 @@ impl Event {
     /// Reads what [`Event::name`] writes.
     pub fn parse(name: &str) -> Option<Event> {
         Event::ALL.into_iter().find(|event| event.name() == name)
-    }
-
-    fn of(state: State) -> Option<Event> {
-        match state {
-            State::Succeeded => Some(Event::Succeeded),
-            State::Failed => Some(Event::Failed),
-            State::Cancelled => Some(Event::Cancelled),
-            State::Queued | State::Running => None,
-        }
     }
 }
 
@@ -130,72 +115,11 @@ pub struct Message<T> {
     data: T,
 }
 
-/// A job that has ended, as endpoints hear of it; the links lead to the rest.
-#[derive(Serialize, utoipa::ToSchema)]
-pub struct EndedJob {
-    /// Its identifier.
-    id: String,
-    /// How it has ended.
-    state: State,
-    /// How often it was begun.
-    attempt: i64,
-    /// Why it failed, if it did: as the job tells.
-    #[schema(value_type = Option<Object>)]
-    problem: Option<Failure>,
-    /// The client's own keys and values.
-    metadata: Metadata,
-    /// When it was accepted, epoch ms.
-    created_ms: i64,
-    /// When it was last begun, epoch ms.
-    started_ms: Option<i64>,
-    /// When it ended, epoch ms.
-    finished_ms: i64,
-    /// Where things are.
-    links: EndedLinks,
-}
-
-/// Where an ended job's things are, on the service that tells of it.
-#[derive(Serialize, utoipa::ToSchema)]
-pub struct EndedLinks {
-    /// Itself.
-    #[serde(rename = "self")]
-    this: String,
-    /// The list of its artifacts; null unless it has succeeded.
-    artifacts: Option<String>,
-    /// All of them in one zip; null unless it has succeeded.
-    zip: Option<String>,
-}
-
-/// The message of a job that has ended, as its row has it.
-fn ended(row: &Row) -> Result<(Event, EndedJob), Error> {
-    let state = row.text("state")?;
-    let state = State::parse(&state);
-    let unknown = || Error::fault("a job that has not ended is announced");
-    let (state, event) = state.and_then(|state| Some((state, Event::of(state)?))).ok_or_else(unknown)?;
-    let (id, failure) = (row.text("id")?, row.optional_text("failure")?);
-    let problem = failure.map(|failure| serde_json::from_str(&failure)).transpose();
-    let this = format!("/v1/jobs/{id}");
-    let succeeded = state == State::Succeeded;
-    let links = EndedLinks {
-        artifacts: succeeded.then(|| format!("{this}/artifacts")),
-        zip: succeeded.then(|| format!("{this}/{ZIP}")),
-        this,
-    };
-    let job = EndedJob {
-        id,
-        state,
-        attempt: row.number("attempt")?,
-        problem: problem.map_err(Error::fault)?,
-        metadata: metadata::read(&row.text("metadata")?)?,
-        created_ms: row.number("created_ms")?,
-        started_ms: row.optional_number("started_ms")?,
-        finished_ms: row.number("finished_ms")?,
-        links,
-    };
-    Ok((event, job))
-}
-
-fn message<T: Serialize>(kind: &'static str, at_ms: i64, data: T) -> Result<String, Error> {
+/// A message as it is posted: what has happened, when (epoch ms), and to what.
+///
+/// # Errors
+/// The data cannot be written as JSON.
+pub fn message<T: Serialize>(kind: &'static str, at_ms: i64, data: T) -> Result<String, Error> {
     let message = Message { kind, timestamp: rfc_3339(at_ms), data };
     serde_json::to_string(&message).map_err(Error::fault)
 }

@@ -1,7 +1,7 @@
 //! Secrets and signatures as Standard Webhooks has them: the only file that names hmac.
 
-use super::super::access::keys::random;
-use super::super::storage::Error;
+use crate::accounts::keys::random;
+use crate::storage::error::Error;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use hmac::{Hmac, KeyInit, Mac};

@@ -3,17 +3,19 @@
 //! `make RAYS TM25 ZEMAX` writes the same rays in both formats. `decode FILE THREADS` turns every record into numbers;
 //! `survey FILE THREADS` checks them too, as every job and inspection does. Both print seconds, taken inside.
 
-use lampwright::pipeline::rays::convert::{Target, convert};
-use lampwright::pipeline::rays::survey::survey;
-use lampwright::pipeline::rays::synthetic::{by_name, write_tm25};
-use lampwright::pipeline::rays::{Bytes, RaySet, open};
-use lampwright::pipeline::vocabulary::spectrum::Bands;
-use lampwright::pipeline::vocabulary::watch::StageWatch;
-use lampwright::pipeline::{Declared, Input, Limits, Stage, Unwatched};
+use pipeline::convert::{Target, convert};
+use pipeline::formats::open;
+use pipeline::formats::record::{Bytes, RaySet};
+use pipeline::known_sources::{by_name, write_tm25};
+use pipeline::rays::survey::survey;
+use pipeline::vocabulary::spectrum::Bands;
+use pipeline::vocabulary::watch::StageWatch;
+use pipeline::{Declared, Input, Limits, Stage, Unwatched};
 use rayon::prelude::*;
 use std::error::Error;
 use std::fs::File;
-use std::io::{self, BufWriter};
+use std::io;
+use std::io::BufWriter;
 use std::os::unix::fs::FileExt;
 use std::sync::Arc;
 use std::time::Instant;
@@ -54,7 +56,7 @@ fn make(rays: u64, tm25: &str, zemax: &str) -> Result<(), Box<dyn Error>> {
 }
 
 /// The sum of the flux, so that nothing is left out as unused.
-fn decode(set: &RaySet) -> Result<f64, lampwright::pipeline::Error> {
+fn decode(set: &RaySet) -> Result<f64, pipeline::Error> {
     let count = set.facts.ray_count;
     (0..count.div_ceil(CHUNK_RAYS))
         .into_par_iter()

@@ -9,7 +9,7 @@ pub mod seeds;
 pub use lampwright_pipeline as pipeline;
 pub use libfuzzer_sys;
 
-use pipeline::rays::RawRay;
+use pipeline::formats::record::RawRay;
 use pipeline::vocabulary::limits::Limits;
 use pipeline::{
     Content, Declared, Error, Input, LengthUnit, Options, Quantity, Unwatched, header, inspect, peek, run, unpack,
@@ -149,7 +149,7 @@ fn file(input: &Input) {
 
 /// Any range of the records is what it is in the whole.
 fn random_access(input: &Input, ray_count: u64) {
-    let Ok(set) = pipeline::rays::open(Arc::clone(&input.bytes), &input.declared, &limits()) else { return };
+    let Ok(set) = pipeline::rays::declared::open(Arc::clone(&input.bytes), &input.declared, &limits()) else { return };
     let (mut whole, mut half) = (Vec::new(), Vec::new());
     if set.records.read(0, ray_count as usize, &mut whole).is_err() {
         return;

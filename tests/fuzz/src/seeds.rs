@@ -1,13 +1,13 @@
-//! Files to begin with, made here: known sources by our writers, other formats laid out by hand (`FORMATS.md`).
+//! Files to begin with, made here: known sources by our writers, other formats laid out by hand (`pipeline/formats/README.md`).
 
 use crate::Kind;
-use crate::pipeline::rays::RawRay;
-use crate::pipeline::rays::row_writer::Encode;
-use crate::pipeline::rays::synthetic::{all, by_name, write_tm25};
-use crate::pipeline::rays::tm25::additional::Additional;
-use crate::pipeline::rays::tm25::header::{Flags, Header, SpectralId};
-use crate::pipeline::rays::tm25::{self, Preamble, spectra::Spectra};
-use crate::pipeline::rays::zemax_writer::{self, Rows};
+use crate::pipeline::formats::record::RawRay;
+use crate::pipeline::formats::tm25::additional::Additional;
+use crate::pipeline::formats::tm25::header::{Flags, Header, SpectralId};
+use crate::pipeline::formats::tm25::{self, Preamble, spectra::Spectra};
+use crate::pipeline::formats::writer::Encode;
+use crate::pipeline::formats::zemax::writer::{self, Rows};
+use crate::pipeline::known_sources::{all, by_name, write_tm25};
 use std::io::Write;
 
 /// Rays per seed: enough for a surface, few enough for thousands of runs a second.
@@ -105,7 +105,7 @@ fn rows(encoder: &impl Encode, rays: &[RawRay]) -> Vec<u8> {
 }
 
 fn zemax(form: Rows, rays: &[RawRay]) -> Vec<u8> {
-    let header = zemax_writer::Header {
+    let header = writer::Header {
         ray_count: rays.len() as u32,
         description: "seed".into(),
         flux: 2.4,
@@ -113,7 +113,7 @@ fn zemax(form: Rows, rays: &[RawRay]) -> Vec<u8> {
         rows: form,
     };
     let mut bytes = Vec::new();
-    let mut writer = zemax_writer::Writer::start(&mut bytes, &header).expect("memory");
+    let mut writer = writer::Writer::start(&mut bytes, &header).expect("memory");
     writer.write(&rows(&form, rays)).expect("memory");
     bytes
 }
@@ -126,7 +126,7 @@ fn place(ray: &RawRay) -> impl Iterator<Item = f64> + use<> {
     ray.origin_mm.into_iter().chain(ray.direction)
 }
 
-/// `FORMATS.md` 3.
+/// `pipeline/formats/README.md` 3.
 fn lighttools(color: u32, rays: &[RawRay]) -> Vec<u8> {
     let mut bytes = b"LTRF".to_vec();
     [2, 0, 0, 0, color, 1].into_iter().for_each(|word: u32| bytes.extend(word.to_le_bytes()));
@@ -153,14 +153,14 @@ fn lighttools_text(color: &str, rays: &[RawRay]) -> Vec<u8> {
     .into()
 }
 
-/// `FORMATS.md` 4.
+/// `pipeline/formats/README.md` 4.
 fn speos(rays: &[RawRay]) -> Vec<u8> {
     let mut bytes = floats([2.4, 2.0, 2.0, 2.0, 2.0, 2.0, 700.0]);
     rays.iter().for_each(|ray| bytes.extend(floats(place(ray).chain([ray.wavelength_nm, 1.0]))));
     bytes
 }
 
-/// `FORMATS.md` 5.
+/// `pipeline/formats/README.md` 5.
 fn asap(rays: &[RawRay]) -> Vec<u8> {
     let mut bytes = 7415_i32.to_le_bytes().to_vec();
     bytes.resize(28, 0);
@@ -173,7 +173,7 @@ fn asap(rays: &[RawRay]) -> Vec<u8> {
     bytes
 }
 
-/// `FORMATS.md` 6.
+/// `pipeline/formats/README.md` 6.
 fn prosource(rays: &[RawRay]) -> Vec<u8> {
     format!(
         "!! Source file: seed\n# NbrRays Requested: {count},  NbrRays Generated: {count}\n\
@@ -211,7 +211,7 @@ fn packed(file: &[u8]) -> Vec<Vec<u8>> {
     vec![gzip.finish().expect("memory"), zstd, zip.finish().expect("memory").into_inner()]
 }
 
-/// Spectra as people keep them (`USERS.md`).
+/// Spectra as people keep them.
 fn spectra() -> Vec<Vec<u8>> {
     [
         "400 0\n450 1\n500 0\n",

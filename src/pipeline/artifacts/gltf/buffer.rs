@@ -1,9 +1,6 @@
 //! The binary chunk of the glTF.
 
 use super::document::{Accessor, View};
-
-/// Component type of 32-bit floats.
-pub(super) const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;

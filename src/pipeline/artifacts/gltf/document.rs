@@ -1,6 +1,5 @@
 //! The JSON of a glTF 2.0 file, as far as ours needs it.
 
-use super::buffer::FLOAT;
 use super::emitter::Emitter;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -131,3 +130,6 @@ impl Accessor {
         Accessor { buffer_view, byte_offset: 0, component_type: FLOAT, count, kind, min: None, max: None }
     }
 }
+
+/// Component type of 32-bit floats.
+pub(super) const FLOAT: u32 = 5126;

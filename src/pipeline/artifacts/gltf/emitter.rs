@@ -1,17 +1,17 @@
 //! `meshes[0].extras.emitter` of the glTF: what the attributes mean, and the vertex spectra as numbers
 //! (`openapi/emitter-extras.schema.json`).
 
-use super::super::super::Options as RunOptions;
-use super::super::super::flux::Amounts;
-use super::super::super::goniogram::Zone;
-use super::super::super::hull::Label;
-use super::super::super::model::Model;
-use super::super::super::rays::source::Columns;
-use super::super::Spectra;
-use super::super::exitance::Colors;
-use super::super::goniograms::{self, Box3, FrameFacts, Spectrum};
-use super::super::number::{Numbers, SUM_DIGITS, rounded, sum};
-use super::super::provenance::Provenance;
+use crate::artifacts::exitance::Colors;
+use crate::artifacts::goniograms;
+use crate::artifacts::goniograms::{Box3, FrameFacts, Spectrum};
+use crate::artifacts::provenance::Provenance;
+use crate::flux::Amounts;
+use crate::goniogram::Zone;
+use crate::hull::Label;
+use crate::model::Model;
+use crate::options::{Options as RunOptions, Spectra};
+use crate::source::Columns;
+use crate::writing::number::{Numbers, SUM_DIGITS, rounded, sum};
 use serde::{Serialize, Serializer};
 
 /// Attribute of the vertices' radiant flux, W.

@@ -1,4 +1,4 @@
-//! `emitter.glb`: the surface half of the contract (`openapi/README.md`, `OUTPUTS.md` 3).
+//! `emitter.glb`: the surface half of the contract (`openapi/README.md`).
 //!
 //! glTF 2.0 binary. Metres, Y up: (x, z, -y)/1000 is a rotation, so winding and normals keep. Spectra are `_SPECTRUM_nnn`
 //! attributes, band-major in one view; attributes are named, never numbered, because accessor indices do not survive a re-save.
@@ -10,12 +10,14 @@ mod document;
 /// What the attributes mean: `meshes[0].extras.emitter`.
 pub mod emitter;
 
-use super::super::model::Model;
-use super::super::rays::source::Columns;
-use super::super::{Error, Options as RunOptions};
 use super::exitance::{Colors, colors};
-use super::json::unwritten;
-use super::{Artifact, provenance};
+use super::provenance;
+use crate::error::Error;
+use crate::model::Model;
+use crate::options::Options as RunOptions;
+use crate::source::Columns;
+use crate::writing::Artifact;
+use crate::writing::json::unwritten;
 use buffer::Buffer;
 use document::{Asset, BufferEntry, Document, Extras, Material, Mesh, Node, Primitive, Scene};
 use emitter::Emitter;
@@ -28,7 +30,7 @@ pub const NAME: &str = "emitter.glb";
 /// The file.
 ///
 /// # Errors
-/// [`Error::Refused`] above 4 GiB, glTF binary's own limit; as [`super::json::document`].
+/// [`Error::Refused`] above 4 GiB, glTF binary's own limit; as [`crate::writing::json::document`].
 pub fn artifact(model: &Model, options: &RunOptions) -> Result<Artifact, Error> {
     let colors = colors(model);
     let mut buffer = Buffer::default();
@@ -127,8 +129,9 @@ fn container(mut json: Vec<u8>, binary: Vec<u8>) -> Result<Vec<u8>, Error> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Spectra, fixture};
     use super::*;
+    use crate::artifacts::fixture;
+    use crate::options::Spectra;
     use ::gltf::accessor::{DataType, Iter};
     use ::gltf::{Gltf, Semantic};
     use serde_json::Value;
@@ -242,7 +245,7 @@ mod tests {
         let scale = colors.luminance_scale_cd_m2.unwrap();
         assert!((scale * std::f64::consts::PI / brightest - 1.0).abs() < 1e-12);
         model.surface.vertices.luminous_lm = None;
-        assert_eq!(super::colors(&model).luminance_scale_cd_m2, None);
+        assert_eq!(crate::artifacts::exitance::colors(&model).luminance_scale_cd_m2, None);
     }
 
     #[test]

@@ -4,8 +4,8 @@
 //! leave a connection whose transaction may still be open, or may have been ended by the database (SQLite does so when a disk is
 //! full). Whoever used it next would write into a transaction that nobody ever commits.
 
-use super::super::Error;
-use super::{Dialect, Row, Statement};
+use super::statement::{Dialect, Row, Statement};
+use crate::storage::error::Error;
 use sqlx::pool::PoolConnection;
 use sqlx::{Any, AnyPool, Executor};
 

@@ -4,17 +4,18 @@
 
 /// Connections on loan, and transactions on them.
 mod connection;
+/// SQL statements, their values, and the rows they answer.
+pub mod statement;
 
 pub use connection::Transaction;
+use statement::{Dialect, Row, Statement, sql};
 
-use super::Error;
-use super::database_file::{self, Unusable};
-use sqlx::any::{AnyArguments, AnyPoolOptions, AnyRow};
+use super::error::{Error, Unusable};
+use super::{database_file, database_url};
+use sqlx::any::AnyPoolOptions;
 use sqlx::error::ErrorKind;
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
-use sqlx::query::Query;
-use sqlx::{Any, AnyConnection, AnyPool, AssertSqlSafe, Connection, Executor, Row as _, SqlSafeStr};
-use std::borrow::Cow;
+use sqlx::{AnyConnection, AnyPool, Connection, Executor, SqlSafeStr};
 use std::io;
 use std::time::Duration;
 
@@ -34,27 +35,6 @@ const MIGRATIONS: [(i64, &str, &str); 13] = [
     (13, "probe", include_str!("../migrations/0013_probe.sql")),
     (14, "owner", include_str!("../migrations/0014_owner.sql")),
 ];
-
-/// The words that the engines say differently.
-struct Dialect {
-    /// `{now}`: the database's clock, epoch ms. One clock for all nodes, so leases need no synchronised machines.
-    now: &'static str,
-    /// `{skip_locked}`: of the rows found, lock those that nobody else has. Empty where there is one writer.
-    skip_locked: &'static str,
-    /// `{for_share}`: nobody may delete the row that was found before this transaction ends. Empty where there is one writer.
-    for_share: &'static str,
-    /// `{texts of $1 texts}`: the texts in the JSON list `$1`, as rows: a statement's text is fixed, its number of values is not. What
-    /// stands before the list, and behind it.
-    texts: (&'static str, &'static str),
-    /// What every new connection is told.
-    connection: &'static str,
-    /// How a transaction that will write begins.
-    begin: &'static str,
-    /// Whether a connection may be gone when it is next asked for, and is to be tried before.
-    can_drop: bool,
-    /// Longest wait for a connection; while the database is away, how long a request takes to say so.
-    acquire: Duration,
-}
 
 /// PRAGMAs belong to the connection, not to the file.
 static SQLITE: Dialect = Dialect {
@@ -93,153 +73,6 @@ const POSTGRES_CONNECTIONS: u32 = 12;
 const WITNESS_IDLE: Duration = Duration::from_mins(2);
 /// How long a starting process waits for PostgreSQL to start too, and for another's migration to end.
 const POSTGRES_START: Duration = Duration::from_secs(60);
-
-/// A value for a `$n`.
-#[derive(Clone, Debug)]
-pub enum Value {
-    /// TEXT or its absence.
-    Text(Option<String>),
-    /// BIGINT.
-    Number(i64),
-    /// A BIGINT that is absent.
-    NoNumber,
-    /// DOUBLE PRECISION.
-    Real(f64),
-}
-
-impl From<&str> for Value {
-    fn from(text: &str) -> Value {
-        Value::Text(Some(text.to_owned()))
-    }
-}
-impl From<String> for Value {
-    fn from(text: String) -> Value {
-        Value::Text(Some(text))
-    }
-}
-impl From<Option<&str>> for Value {
-    fn from(text: Option<&str>) -> Value {
-        Value::Text(text.map(str::to_owned))
-    }
-}
-impl From<i64> for Value {
-    fn from(number: i64) -> Value {
-        Value::Number(number)
-    }
-}
-impl From<Option<i64>> for Value {
-    fn from(number: Option<i64>) -> Value {
-        number.map_or(Value::NoNumber, Value::Number)
-    }
-}
-impl From<f64> for Value {
-    fn from(real: f64) -> Value {
-        Value::Real(real)
-    }
-}
-
-/// One statement and its values, in order.
-#[derive(Clone, Debug)]
-pub struct Statement {
-    text: &'static str,
-    values: Vec<Value>,
-}
-
-/// A time as rows have it, ms; one without end leaves room to be added to now.
-pub fn ms(time: Duration) -> i64 {
-    i64::try_from(time.as_millis()).unwrap_or(i64::MAX).min(i64::MAX / 2)
-}
-
-/// A statement without values yet.
-pub fn sql(text: &'static str) -> Statement {
-    Statement { text, values: Vec::new() }
-}
-
-impl Statement {
-    /// The value of the next `$n`.
-    #[must_use]
-    pub fn bind(mut self, value: impl Into<Value>) -> Statement {
-        self.values.push(value.into());
-        self
-    }
-
-    fn query(self, dialect: &Dialect) -> Query<'static, Any, AnyArguments> {
-        let words = [
-            ("{now}", dialect.now),
-            ("{skip_locked}", dialect.skip_locked),
-            ("{for_share}", dialect.for_share),
-            ("{texts of ", dialect.texts.0),
-            (" texts}", dialect.texts.1),
-        ];
-        let say = |text: Cow<'static, str>, (word, said): (&str, &str)| match text.contains(word) {
-            true => Cow::Owned(text.replace(word, said)),
-            false => text,
-        };
-        let text = words.into_iter().fold(Cow::Borrowed(self.text), say);
-        // Safe: made of literals only; every value is bound.
-        let query = sqlx::query(AssertSqlSafe(text));
-        // An absent text is bound as a TEXT that is NULL, never as a NULL of no type: PostgreSQL could not tell what it is.
-        self.values.into_iter().fold(query, |query, value| match value {
-            Value::Text(text) => query.bind(text),
-            Value::Number(number) => query.bind(number),
-            Value::NoNumber => query.bind(None::<i64>),
-            Value::Real(real) => query.bind(real),
-        })
-    }
-}
-
-/// One row of an answer.
-pub struct Row(AnyRow);
-
-impl Row {
-    /// A TEXT column.
-    ///
-    /// # Errors
-    /// A column of another name or type.
-    pub fn text(&self, column: &str) -> Result<String, Error> {
-        Ok(self.0.try_get(column)?)
-    }
-
-    /// A TEXT column that may be NULL.
-    ///
-    /// # Errors
-    /// As [`Row::text`].
-    pub fn optional_text(&self, column: &str) -> Result<Option<String>, Error> {
-        Ok(self.0.try_get(column)?)
-    }
-
-    /// A BIGINT column.
-    ///
-    /// # Errors
-    /// As [`Row::text`].
-    pub fn number(&self, column: &str) -> Result<i64, Error> {
-        Ok(self.0.try_get(column)?)
-    }
-
-    /// A BIGINT column that may be NULL.
-    ///
-    /// # Errors
-    /// As [`Row::text`].
-    pub fn optional_number(&self, column: &str) -> Result<Option<i64>, Error> {
-        Ok(self.0.try_get(column)?)
-    }
-
-    /// A BIGINT column that counts: never negative.
-    ///
-    /// # Errors
-    /// As [`Row::text`].
-    pub fn count(&self, column: &str) -> Result<u64, Error> {
-        Ok(self.number(column)?.max(0).unsigned_abs())
-    }
-
-    /// A DOUBLE PRECISION column.
-    ///
-    /// # Errors
-    /// As [`Row::text`].
-    pub fn real(&self, column: &str) -> Result<f64, Error> {
-        Ok(self.0.try_get(column)?)
-    }
-}
 
 /// The database. Cheap to clone. SQLite has one writer; giving it one connection to write with queues writers in order
 /// instead of letting them fail with SQLITE_BUSY. PostgreSQL needs no such rule: there, both pools are one.
@@ -355,7 +188,7 @@ fn pool(dialect: &'static Dialect, connections: u32) -> AnyPoolOptions {
 /// Opens a file once, outside of the pool, which tries a file that is no database again until its time is over. One of another
 /// program is left as it is.
 async fn examine(url: &str) -> Result<(), Error> {
-    let Some(file) = database_file::path(url) else { return Ok(()) };
+    let Some(file) = database_url::path(url) else { return Ok(()) };
     let tables =
         "SELECT COUNT(*) AS found, COUNT(CASE WHEN name = '_sqlx_migrations' THEN 1 END) AS ours FROM sqlite_master";
     let looked = async {
@@ -387,7 +220,7 @@ async fn migrate(pool: &AnyPool, url: &str) -> Result<(), Error> {
     all.run(pool).await.map_err(|error| match error {
         MigrateError::VersionMissing(step) if step > known => {
             // The address of a server holds a password.
-            let file = database_file::path(url).map(|file| file.display().to_string());
+            let file = database_url::path(url).map(|file| file.display().to_string());
             Unusable::Newer { database: file.unwrap_or_else(|| "the database".to_owned()), step, known }.into()
         }
         other => Error::Records(Box::new(other)),
@@ -423,7 +256,7 @@ mod tests {
 
     #[test]
     fn every_step_of_the_schema_is_listed() {
-        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/src/service/storage/migrations");
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/storage/migrations");
         let mut files: Vec<(String, String)> = fs::read_dir(folder)
             .unwrap()
             .map(|entry| entry.unwrap())

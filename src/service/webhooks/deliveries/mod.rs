@@ -4,9 +4,11 @@
 #[cfg(test)]
 mod tests;
 
-use super::super::storage::Error;
-use super::super::storage::records::{Records, Row, Transaction, ms, sql};
-use super::{PING, Policy};
+use super::{PING, Policy, message};
+use crate::storage::error::Error;
+use crate::storage::keys::new_id;
+use crate::storage::records::statement::{Row, ms, sql};
+use crate::storage::records::{Records, Transaction};
 use std::time::Duration;
 
 /// Attempts at one endpoint at once, in all processes together; at one whose last attempt failed, one.
@@ -350,4 +352,50 @@ pub async fn forget(records: &Records, keep: Duration) -> Result<u64, Error> {
 pub async fn backlog(records: &Records) -> Result<u64, Error> {
     let count = records.read_one(sql("SELECT COUNT(*) AS waiting FROM deliveries WHERE state = 'waiting'")).await?;
     count.map_or(Ok(0), |row| row.count("waiting"))
+}
+
+/// Adds a message for an endpoint, to be sent at once; its id.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn insert(
+    transaction: &mut Transaction,
+    webhook: &str,
+    event: &str,
+    job: Option<&str>,
+    body: &str,
+) -> Result<String, Error> {
+    let id = new_id();
+    let insert = "INSERT INTO deliveries (id, webhook_id, event, job_id, body, state, attempt, fence, due_ms, created_ms) \
+                  VALUES ($1, $2, $3, $4, $5, 'waiting', 0, 0, {now}, {now})";
+    let insert = sql(insert).bind(id.as_str()).bind(webhook).bind(event).bind(job).bind(body);
+    transaction.write(insert).await?;
+    Ok(id)
+}
+
+/// Tells an endpoint that there is nothing to tell: once, whatever it answers. While one such waits, it is that. `None` when `tenant` has no such endpoint, or it is
+/// disabled.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn ping(records: &Records, tenant: &str, webhook: &str) -> Result<Option<Delivery>, Error> {
+    let mut transaction = records.begin().await?;
+    // Changes nothing, and keeps the endpoint.
+    let hold = "UPDATE webhooks SET url = url WHERE tenant = $1 AND id = $2 AND disabled_why IS NULL \
+                RETURNING {now} AS now_ms";
+    let held = transaction.read(sql(hold).bind(tenant).bind(webhook)).await?;
+    let Some(row) = held.first() else {
+        transaction.rollback().await?;
+        return Ok(None);
+    };
+    let waiting = sql("SELECT id FROM deliveries WHERE webhook_id = $1 AND event = $2 AND state = 'waiting' LIMIT 1");
+    if let Some(waiting) = transaction.read(waiting.bind(webhook).bind(PING)).await?.first() {
+        // Nobody waits for a connection while holding one: that may be what all the others wait for.
+        transaction.rollback().await?;
+        return get(records, webhook, &waiting.text("id")?).await;
+    }
+    let body = message(PING, row.number("now_ms")?, serde_json::Map::new())?;
+    let id = insert(&mut transaction, webhook, PING, None, &body).await?;
+    transaction.commit().await?;
+    get(records, webhook, &id).await
 }

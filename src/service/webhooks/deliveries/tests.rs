@@ -1,8 +1,8 @@
 //! Who is told when, without a socket.
 
-use super::super::endpoints::{self, Told, change};
-use super::super::{Event, announcement};
 use super::*;
+use crate::webhooks::endpoints::{Told, change};
+use crate::webhooks::{Event, endpoints};
 
 const LONGEST: Duration = Duration::from_secs(15);
 
@@ -88,8 +88,8 @@ async fn only_what_failed_to_the_last_disables_an_endpoint_and_a_ping_says_nothi
     let (_folder, records) = records().await;
     let policy = Policy { give_up: Duration::ZERO, waits: vec![Duration::ZERO], ..Policy::default() };
     let id = endpoint(&records, "a", 0).await;
-    let ping = announcement::ping(&records, "a", &id).await.unwrap().unwrap();
-    assert_eq!(announcement::ping(&records, "a", &id).await.unwrap().unwrap().id, ping.id, "one at a time");
+    let first = ping(&records, "a", &id).await.unwrap().unwrap();
+    assert_eq!(ping(&records, "a", &id).await.unwrap().unwrap().id, first.id, "one at a time");
     let sending = claim(&records, LONGEST).await.unwrap().unwrap();
     assert_eq!(sending.event, PING);
     assert!(refused(&records, &sending, &policy).await);

@@ -1,0 +1,127 @@
+//! What goes wrong, told to a person at a terminal: code, what, where, what to do.
+
+use pipeline::{Error, Fault};
+use service::telemetry::visible;
+use std::os::unix::fs::MetadataExt;
+use std::path::Path;
+use std::process::ExitCode;
+
+/// Why a verb did not do what it was asked to.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Failure {
+    /// Stable code, `stage.what`.
+    code: String,
+    /// What was found.
+    found: String,
+    /// Where.
+    place: Option<String>,
+    /// What to do.
+    remedy: Option<String>,
+    /// 1: input refused or failed; 2: wrong usage.
+    exit: u8,
+}
+
+impl Failure {
+    /// The verb was asked for something that makes no sense.
+    pub fn usage(code: &str, found: impl Into<String>, remedy: impl Into<String>) -> Failure {
+        Failure { exit: 2, ..Failure::failed(code, found, remedy) }
+    }
+
+    /// The verb could not do what it was asked to.
+    pub fn failed(code: &str, found: impl Into<String>, remedy: impl Into<String>) -> Failure {
+        Failure { code: code.to_owned(), found: found.into(), place: None, remedy: Some(remedy.into()), exit: 1 }
+    }
+
+    /// The disk said no to `path`.
+    pub fn disk(path: &Path, error: &std::io::Error) -> Failure {
+        Failure::failed("file.disk", error.to_string(), "Check that it exists and that its permissions allow this.")
+            .at(path.display().to_string())
+    }
+
+    /// The service's folder cannot be written: mostly because it is another user's, as a folder of the host is that is mounted
+    /// into a container.
+    pub fn folder(code: &str, folder: &Path, error: &std::io::Error) -> Failure {
+        let owner = |path: &Path| std::fs::metadata(path).ok().map(|found| found.uid());
+        // The kernel shows a process to itself as what it is.
+        let user = owner(Path::new("/proc/self")).map_or("its user".to_owned(), |uid| format!("user {uid}"));
+        let belongs = folder
+            .ancestors()
+            .find_map(owner)
+            .map_or(String::new(), |uid| format!(" It, or the folder that it would be made in, is user {uid}'s."));
+        let found = format!("The folder cannot be written: {error}. This process runs as {user}.{belongs}");
+        let remedy = format!(
+            "Give the folder to {user} (chown -R, on the host where it is mounted from there), or run this as the folder's owner \
+             (docker run --user UID:GID), or name another folder with --data."
+        );
+        Failure::failed(code, found, remedy).at(folder.display().to_string())
+    }
+
+    /// The same failure, in a place: a file, an option.
+    pub fn at(self, place: impl Into<String>) -> Failure {
+        let place = match self.place {
+            Some(inner) => format!("{}, {inner}", place.into()),
+            None => place.into(),
+        };
+        Failure { place: Some(place), ..self }
+    }
+
+    /// Prints it on stderr; the exit code.
+    pub fn report(self) -> ExitCode {
+        eprintln!("{self}");
+        ExitCode::from(self.exit)
+    }
+}
+
+impl std::fmt::Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        // What was found may be told in the words of a file, and the place be its name.
+        write!(f, "error {}\n  what   {}", self.code, visible(&self.found))?;
+        if let Some(place) = &self.place {
+            write!(f, "\n  where  {}", visible(place))?;
+        }
+        if let Some(remedy) = &self.remedy {
+            write!(f, "\n  do     {}", visible(remedy))?;
+        }
+        Ok(())
+    }
+}
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Failure {
+        let code = error.code().to_owned();
+        let told = |fault: Fault, exit: u8| Failure {
+            code: code.clone(),
+            found: fault.found,
+            place: fault.at.map(|place| place.to_string()),
+            remedy: Some(fault.remedy),
+            exit,
+        };
+        match error {
+            Error::Malformed(fault) | Error::Refused(fault) => told(fault, 1),
+            Error::Unusable(fault) => told(fault, 2),
+            other => Failure { code, found: other.to_string(), place: None, remedy: None, exit: 1 },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_refusal_says_code_what_where_and_what_to_do() {
+        let error = Error::malformed("tm25.magic", "The first bytes are not TM25.", "Is it a ray file?").at_byte(0);
+        let failure = Failure::from(error).at("lamp.ray");
+        assert_eq!(failure.exit, 1);
+        assert_eq!(
+            failure.to_string(),
+            "error tm25.magic\n  what   The first bytes are not TM25.\n  where  lamp.ray, byte 0\n  do     Is it a ray file?"
+        );
+    }
+
+    #[test]
+    fn a_wrong_option_is_wrong_usage() {
+        let error = Error::unusable("hull.resolution", "hull.resolution", "It is 3.", "Give 4 to 256.");
+        assert_eq!(Failure::from(error).exit, 2);
+    }
+}

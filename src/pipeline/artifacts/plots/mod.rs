@@ -1,0 +1,8 @@
+//! The drawings of a model, `plots/*.svg`.
+
+/// The surface in a three-quarter view.
+pub mod hull;
+/// Polar curves of intensity.
+pub mod polar;
+/// The zone lattice, coloured by flux.
+pub mod zones;

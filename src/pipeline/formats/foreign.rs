@@ -1,0 +1,344 @@
+//! What is no ray file, and ray files whose layout is not public: refused by name, with what to take instead (`pipeline/formats/README.md` 0
+//! and 6). Content decides here too: a download page saved as `.ray` is a page.
+
+use super::bytes::word_in;
+use super::proof;
+use crate::error::Error;
+
+/// What to take instead of most things.
+pub const EXPORT: &str = "Use the same source's IES TM-25 or Zemax binary file; vendors offer both.";
+/// What to do with a measurement model.
+const FROM_MODEL: &str =
+    "Export rays from it with ProSource, as IES TM-25 or Zemax binary, or take the vendor's ray file.";
+/// What to do with a spectrum.
+const NAME_SPECTRUM: &str = "Send the ray file, and name this as the spectrum of its channel in the job.";
+
+/// First bytes, code, and what such a file is.
+const MAGIC: [(&[u8], &str, &str); 25] = [
+    (b"Rar!\x1a\x07", "detect.archive", "a RAR archive"),
+    (b"7z\xbc\xaf\x27\x1c", "detect.archive", "a 7z archive"),
+    (b"\xfd7zXZ\0", "detect.archive", "an xz archive"),
+    (b"BZh", "detect.archive", "a bzip2 archive"),
+    (b"%PDF", "detect.document", "a PDF document"),
+    (b"{\\rtf", "detect.document", "an RTF document"),
+    (
+        b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1",
+        "detect.document",
+        "a compound document, as old Office and CAD programs write",
+    ),
+    (b"\x89PNG\r\n", "detect.image", "a PNG image"),
+    (b"\xff\xd8\xff", "detect.image", "a JPEG image"),
+    (b"GIF8", "detect.image", "a GIF image"),
+    (b"II*\0", "detect.image", "a TIFF image"),
+    (b"MM\0*", "detect.image", "a TIFF image"),
+    (b"ISO-10303-21", "detect.cad", "a STEP model"),
+    (b"solid ", "detect.cad", "an STL model"),
+    (b"glTF", "detect.cad", "a glTF model"),
+    (b"ACIS BinaryFile", "detect.cad", "an ACIS model"),
+    (b"ASM BinaryFile", "detect.cad", "an ACIS model"),
+    (b"**ABCDEFGHIJKLMNOPQRSTUVWXYZ", "detect.cad", "a Parasolid model"),
+    (b"3D Geometry File Format ", "detect.cad", "a Rhino model"),
+    (b"AutoCAD Binary DXF", "detect.cad", "a DXF drawing"),
+    (b"AC10", "detect.cad", "a DWG drawing"),
+    (b"\x89HDF\r\n", "detect.data", "an HDF5 data file"),
+    (b"\x93NUMPY", "detect.data", "a NumPy array"),
+    (b"MATLAB 5.0 MAT-file", "detect.data", "a MATLAB data file"),
+    (b"SQLite format 3\0", "detect.data", "an SQLite database"),
+];
+
+/// Names in a binary header, lower case, with code, what such a file is, and what to do. A hint, not a proof, and only asked
+/// where nothing else fits.
+const MAKERS: [(&str, &str, &str, &str); 12] = [
+    ("radiant source", "detect.radiant_model", "a Radiant source model (.rsm, .rsmx, .rs8)", FROM_MODEL),
+    ("radiant imaging", "detect.radiant_model", "a Radiant source model (.rsm, .rsmx, .rs8)", FROM_MODEL),
+    ("radiant zemax", "detect.radiant_model", "a Radiant source model (.rsm, .rsmx, .rs8)", FROM_MODEL),
+    ("radiant vision", "detect.radiant_model", "a Radiant source model (.rsm, .rsmx, .rs8)", FROM_MODEL),
+    ("tracepro", "detect.tracepro", "a TracePro binary file", EXPORT),
+    ("lambda research", "detect.tracepro", "a TracePro binary file", EXPORT),
+    ("lucidshape", "detect.lucidshape", "a LucidShape file", EXPORT),
+    ("opticad", "detect.opticad", "an OPTICAD file", EXPORT),
+    ("photon engineering", "detect.fred", "a FRED file (.fcr, .frbs)", EXPORT),
+    ("fredray", "detect.fred", "a FRED file (.fcr, .frbs)", EXPORT),
+    ("photopia", "detect.photopia", "a Photopia file", EXPORT),
+    ("simulux", "detect.simulux", "a SimuLux file", EXPORT),
+];
+
+/// Words that start a line of an OpticStudio coating file.
+const COATING_WORDS: [&str; 6] = ["MATE ", "COAT ", "TAPR ", "TABLE ", "IDEAL ", "IDEAL2 "];
+/// Lines before the numbers of a spectrum.
+const SPECTRUM_HEAD: usize = 16;
+/// Headers, bytes, under which rays of an unknown format are looked for.
+const CLOSED_HEADER: std::ops::RangeInclusive<usize> = 4..=1024;
+/// Sizes of such rays, bytes: position, direction, flux, and at most two numbers more.
+const CLOSED_RAYS: [usize; 3] = [28, 32, 36];
+
+fn refused(code: &'static str, what: &str, remedy: &str) -> Error {
+    Error::refused(code, format!("This is {what}, not a ray file."), remedy).at_byte(0)
+}
+
+/// The refusal of a file that starts with `start`, where its first bytes name it.
+pub fn by_magic(start: &[u8]) -> Option<Error> {
+    let (_, code, what) = MAGIC.into_iter().find(|(magic, ..)| start.starts_with(magic))?;
+    let remedy = if code == "detect.archive" { "Unpack it and send the ray file inside." } else { EXPORT };
+    Some(refused(code, what, remedy))
+}
+
+/// The refusal of a text that is no ray file; `None` for binary content and for text that may be one. `whole`: `start` is all of
+/// it.
+pub fn by_text(start: &[u8], whole: bool) -> Option<Error> {
+    let (text, wide) = decoded(start)?;
+    let (code, what, remedy) = match named(&text, whole) {
+        Some(named) => named,
+        None if wide => ("detect.utf16", "text in UTF-16", "Save it as UTF-8 and send it again."),
+        None => return None,
+    };
+    Some(refused(code, what, remedy))
+}
+
+/// The text, and whether it is in UTF-16, as OpticStudio and PowerShell write.
+fn decoded(start: &[u8]) -> Option<(String, bool)> {
+    let wide = |word: fn([u8; 2]) -> u16| {
+        let (pairs, _) = start.as_chunks::<2>();
+        let units: Vec<u16> = pairs.iter().skip(1).map(|pair| word(*pair)).collect();
+        Some((String::from_utf16_lossy(&units), true))
+    };
+    match start {
+        [0xff, 0xfe, ..] => wide(u16::from_le_bytes),
+        [0xfe, 0xff, ..] => wide(u16::from_be_bytes),
+        _ if start.contains(&0) => None,
+        _ => Some((String::from_utf8_lossy(start).trim_start_matches('\u{feff}').to_owned(), false)),
+    }
+}
+
+type Named = (&'static str, &'static str, &'static str);
+
+/// What a text is, where it is something we know to be no rays.
+fn named(text: &str, whole: bool) -> Option<Named> {
+    let text = text.trim_start();
+    let mut lines: Vec<&str> = text.lines().map(str::trim).collect();
+    if !whole {
+        // It may end inside a line.
+        lines.pop();
+    }
+    if text.starts_with('<') {
+        return Some(markup(&text.to_lowercase()));
+    }
+    if is_json(text) {
+        return Some(("detect.json", "JSON", EXPORT));
+    }
+    if text.starts_with("IESNA") || lines.iter().any(|line| line.starts_with("TILT=")) {
+        return Some(("detect.photometry", "an IES photometric file: directions without places", EXPORT));
+    }
+    if is_eulumdat(&lines) {
+        return Some(("detect.photometry", "an EULUMDAT photometric file: directions without places", EXPORT));
+    }
+    let content = lines.iter().find(|line| !(line.is_empty() || line.starts_with('!')));
+    if content.is_some_and(|line| COATING_WORDS.iter().any(|word| line.starts_with(word))) {
+        return Some(("detect.coating", "an OpticStudio coating file", EXPORT));
+    }
+    if text.starts_with("VERS ") && lines.iter().any(|line| line.starts_with("MODE ")) {
+        return Some(("detect.lens", "an OpticStudio lens file (.zmx): it names ray files and holds none", EXPORT));
+    }
+    if text.starts_with("OPTIS - ") && !text.to_lowercase().contains("spectrum") {
+        return Some(("detect.speos_text", "a Speos text file", EXPORT));
+    }
+    if text.starts_with("OPTIS - ") || is_spectrum(&lines) {
+        return Some(("detect.spectrum", "a spectrum", NAME_SPECTRUM));
+    }
+    if is_dxf(&lines) || is_iges(text) {
+        return Some(("detect.cad", "a CAD drawing (DXF or IGES)", EXPORT));
+    }
+    None
+}
+
+/// `lower`: starts with `<`.
+fn markup(lower: &str) -> Named {
+    let has = |word: &str| lower.contains(word);
+    if has("<html") || has("<!doctype html") {
+        let remedy = "Sign in, download the file again, and look at it before sending it.";
+        ("detect.html", "a web page, perhaps the vendor's sign-in page saved under the file's name", remedy)
+    } else if has("iestm27") {
+        ("detect.spectrum", "an IES TM-27 spectrum", NAME_SPECTRUM)
+    } else if has("<iestm33") || has("<luminaireopticaldata") {
+        ("detect.photometry", "an IES TM-33 photometric file: directions without places", EXPORT)
+    } else {
+        ("detect.xml", "XML", EXPORT)
+    }
+}
+
+fn is_json(text: &str) -> bool {
+    let after = |open: char| text.strip_prefix(open).map(|rest| rest.trim_start().chars().next());
+    let object = after('{').is_some_and(|next| next.is_none_or(|next| "\"}".contains(next)));
+    object || after('[').is_some_and(|next| next.is_some_and(|next| "[{\"-]0123456789".contains(next)))
+}
+
+/// EULUMDAT: a company, then one number a line: type 1 to 3, symmetry 0 to 4, planes, their distance, angles, their distance.
+fn is_eulumdat(lines: &[&str]) -> bool {
+    let number = |at: usize| lines.get(at).and_then(|line| line.replace(',', ".").parse::<f64>().ok());
+    let within = |at: usize, low: f64, high: f64| number(at).is_some_and(|value| value >= low && value <= high);
+    number(0).is_none()
+        && within(1, 0.0, 3.0)
+        && within(2, 0.0, 4.0)
+        && within(3, 1.0, 721.0)
+        && within(4, 0.0, 360.0)
+        && within(5, 1.0, 721.0)
+        && within(6, 0.0, 180.0)
+}
+
+/// After a head, nothing but two numbers a line, the first rising and a wavelength of light in nm or um.
+fn is_spectrum(lines: &[&str]) -> bool {
+    let pairs = |line: &&&str| pair(line).is_some();
+    let head = lines.iter().take_while(|line| !pairs(line)).count();
+    let body: Vec<&&str> = lines.iter().skip(head).filter(|line| !line.is_empty()).collect();
+    let read: Vec<(f64, f64)> = body.iter().filter_map(|line| pair(line)).collect();
+    let light = |nm: f64| (0.1..=20.0).contains(&nm) || (100.0..=20_000.0).contains(&nm);
+    head <= SPECTRUM_HEAD
+        && read.len() >= 3
+        && read.len() == body.len()
+        && read.is_sorted_by(|a, b| a.0 < b.0)
+        && read.iter().all(|(wavelength, _)| light(*wavelength))
+}
+
+/// Exactly two numbers, between spaces, tabs or semicolons, or between commas.
+fn pair(line: &str) -> Option<(f64, f64)> {
+    let wide: Vec<&str> = line.split([' ', '\t', ';']).filter(|word| !word.is_empty()).collect();
+    let words = if wide.len() == 1 { line.split(',').map(str::trim).collect() } else { wide };
+    let number = |word: &str| word.replace(',', ".").parse::<f64>().ok();
+    match words.as_slice() {
+        [first, second] => number(first).zip(number(second)),
+        _ => None,
+    }
+}
+
+fn is_dxf(lines: &[&str]) -> bool {
+    lines.first() == Some(&"0") && lines.get(1) == Some(&"SECTION")
+}
+
+/// IGES has 80 columns; column 73 names the section, the rest counts its lines.
+fn is_iges(text: &str) -> bool {
+    let line = text.lines().next().unwrap_or_default();
+    line.get(72..80).is_some_and(|end| end.starts_with('S') && end.get(1..).is_some_and(|count| count.trim() == "1"))
+}
+
+/// The refusal of binary content that fits no format we read, as near to a name as it allows.
+pub fn closed(start: &[u8]) -> Option<Error> {
+    // Without NUL bytes, text in UTF-16 reads like text in ASCII.
+    let narrow: Vec<u8> = start.iter().copied().filter(|byte| *byte != 0).collect();
+    let lower = String::from_utf8_lossy(&narrow).to_lowercase();
+    if let Some((_, code, what, remedy)) = MAKERS.into_iter().find(|(name, ..)| lower.contains(name)) {
+        let found = format!("This looks like {what}, whose layout is not public.");
+        return Some(Error::refused(code, found, remedy).at_byte(0));
+    }
+    let (at, size) = rays_somewhere(start)?;
+    let found = format!(
+        "Rays of {size} bytes start at byte {at}, under a header whose layout is not public: TracePro, OPTICAD, FRED (.fcr), \
+         LucidShape, SimuLux and Photopia have such files."
+    );
+    Some(Error::refused("detect.closed_rays", found, EXPORT).at_byte(at as u64))
+}
+
+/// Where records with unit directions start, and their size: what these formats share is position, direction and flux in f32.
+fn rays_somewhere(start: &[u8]) -> Option<(usize, usize)> {
+    let holds = |at: usize, size: usize| {
+        let records = start.get(at..).unwrap_or_default().chunks_exact(size);
+        let ray = |record: &[u8]| {
+            (0..7).all(|k| f32::from_le_bytes(word_in(record, 4 * k)).is_finite()) && proof::is_unit_at(record, 12)
+        };
+        records.len() >= 3 && records.clone().all(ray)
+    };
+    CLOSED_HEADER.step_by(4).flat_map(|at| CLOSED_RAYS.map(|size| (at, size))).find(|(at, size)| holds(*at, *size))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::formats::bytes::LOOK;
+    use crate::formats::detect::detect;
+
+    fn code(bytes: &[u8]) -> &'static str {
+        detect(&bytes.to_vec()).map_or_else(|error| error.code(), |format| format.name())
+    }
+
+    #[test]
+    fn first_bytes_that_are_no_rays() {
+        for (magic, expected, _) in MAGIC {
+            let mut bytes = magic.to_vec();
+            bytes.extend([b' '; 60]);
+            assert_eq!(code(&bytes), expected, "{magic:?}");
+        }
+    }
+
+    /// Each as its own format's documentation starts it.
+    #[test]
+    fn texts_that_are_no_rays_have_names() {
+        let ldt = "Company\n1\n1\n1\n0\n37\n5.0\nreport\nlamp\n";
+        let iges = format!("{:72}S      1\n", "a part");
+        let cases: [(&str, &str); 24] = [
+            ("<!DOCTYPE html><html><body>Sign in</body></html>", "detect.html"),
+            ("\u{feff}\n <HTML><head>", "detect.html"),
+            ("<?xml version=\"1.0\"?>\n<IESTM2714 version=\"1.0\">", "detect.spectrum"),
+            ("<?xml version=\"1.0\"?>\n<IESTM33-22>", "detect.photometry"),
+            ("<?xml version=\"1.0\"?><rays/>", "detect.xml"),
+            ("{\"rays\": []}", "detect.json"),
+            ("[[0, 0, 0, 0, 0, 1, 1]]", "detect.json"),
+            ("IESNA:LM-63-2002\n[TEST] 1\nTILT=NONE\n", "detect.photometry"),
+            ("old header\nTILT=NONE\n1 -1 1 3 1\n", "detect.photometry"),
+            (ldt, "detect.photometry"),
+            ("! Sample\nMATE CU\n0.4861 1.1512 -2.3025\nCOAT COPPER\nCU 0.0001 1\n", "detect.coating"),
+            ("IDEAL I.50 0.5 0.5\n", "detect.coating"),
+            ("VERS 140124 258 36214\nMODE NSC\nNAME LED\n", "detect.lens"),
+            ("OPTIS - Spectrum file v1.0\nwhite\n2\n400 1\n700 1\n", "detect.spectrum"),
+            ("OPTIS - Intensity file v1.0\n", "detect.speos_text"),
+            ("4\n393.0000\t0.0062\r\n394.3\t0.0072\r\n395.6\t0.0084\r\n", "detect.spectrum"),
+            ("# LED\ndataname: LED\ncontinuous\n400,5;0,1\n401,5;0,2\n402,5;0,3\n", "detect.spectrum"),
+            ("nm,value\n400,0.1\n500,1\n600,0.1\n", "detect.spectrum"),
+            ("ISO-10303-21;\nHEADER;\n", "detect.cad"),
+            ("0\nSECTION\n2\nHEADER\n", "detect.cad"),
+            (&iges, "detect.cad"),
+            // These are rays, or may be.
+            ("9 4\n0 0 0 0 0 1 1\n0 0 0 0 0 1 1\n", "Zemax text"),
+            ("# made\nlt_rdf_version: 2.0\n", "LightTools text"),
+            ("Some words.\n", "detect.not_rays"),
+        ];
+        for (text, expected) in cases {
+            assert_eq!(code(text.as_bytes()), expected, "{text}");
+        }
+    }
+
+    #[test]
+    fn a_long_spectrum_is_one_wherever_its_4096th_byte_falls() {
+        let rows: String = (0..1000).map(|k| format!("{}\t0.5\n", 380 + k)).collect();
+        assert!(rows.len() > LOOK);
+        (0..10).for_each(|k| assert_eq!(code(format!("{}{rows}", "#\n".repeat(k)).as_bytes()), "detect.spectrum"));
+        let falling: String = (0..10).map(|k| format!("{} 0.5\n", 500 - k)).collect();
+        assert_ne!(code(falling.as_bytes()), "detect.spectrum");
+    }
+
+    #[test]
+    fn utf_16_is_read_as_far_as_its_name() {
+        let wide =
+            |text: &str| [0xff, 0xfe].into_iter().chain(text.encode_utf16().flat_map(u16::to_le_bytes)).collect();
+        let lens: Vec<u8> = wide("VERS 220000\r\nMODE SEQ\r\n");
+        assert_eq!(code(&lens), "detect.lens");
+        let rays: Vec<u8> = wide("0 0 0 0 0 1 1\r\n");
+        assert_eq!(code(&rays), "detect.utf16");
+        let big: Vec<u8> = [0xfe, 0xff, 0, b'h', 0, b'i'].to_vec();
+        assert_eq!(code(&big), "detect.utf16");
+    }
+
+    #[test]
+    fn binary_files_without_a_public_layout_are_told_by_name_or_by_their_rays() {
+        for (name, expected, ..) in MAKERS {
+            let upper: Vec<u8> = [&[1, 2, 3, 0], name.to_uppercase().as_bytes(), &[0; 50]].concat();
+            let wide: Vec<u8> = [0, 9].into_iter().chain(name.encode_utf16().flat_map(u16::to_le_bytes)).collect();
+            assert_eq!((code(&upper), code(&wide)), (expected, expected));
+        }
+        let ray = [1.0_f32, 2.0, 3.0, 0.6, 0.0, 0.8, 0.5].map(f32::to_le_bytes).concat();
+        let file = |header: usize, rays: usize| [vec![0; header], ray.repeat(rays)].concat();
+        assert_eq!(code(&file(212, 200)), "detect.closed_rays");
+        assert_eq!(code(&file(16, 3)), "detect.closed_rays");
+        assert_eq!(code(&file(16, 2)), "detect.unknown");
+        let Err(Error::Refused(fault)) = detect(&file(212, 200)) else { panic!("read") };
+        assert_eq!(fault.at, Some(crate::error::Place::Byte(212)));
+    }
+}

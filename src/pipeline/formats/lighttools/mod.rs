@@ -1,0 +1,6 @@
+//! LightTools ray files, binary and text.
+
+/// LightTools binary ray files.
+pub mod binary;
+/// LightTools text ray files.
+pub mod text;

@@ -1,0 +1,402 @@
+//! Zemax / OpticStudio binary source files, .dat and .sdf (`pipeline/formats/README.md` 2). Radiant ProSource and TracePro write the same.
+//!
+//! The reader follows the vendor's help page: of the header OpticStudio uses only the count, the unit, the format and the
+//! flux type; what it calls the power of a file is the sum of its rays.
+
+use crate::error::Error;
+use crate::formats::binary::{Floats, Words, float, triple};
+use crate::formats::bytes::{Cursor, ascii, f32_in, i32_in, u32_in};
+use crate::formats::proof;
+use crate::formats::record::{Bytes, Facts, Format, RawRay, RaySet, SpectralData, TotalRule};
+use crate::vocabulary::limits::Limits;
+use crate::vocabulary::notice::Notices;
+use crate::vocabulary::spectrum::Table;
+use crate::vocabulary::units::{Flux, LengthUnit};
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+
+/// First word of a file: current, and the older one of Radiant ProSource.
+pub const IDENTIFIERS: [i32; 2] = [1010, 8_675_309];
+/// Bytes of the header.
+pub const HEADER: u64 = 208;
+/// Bytes of the header as 64-bit Linux programs write it that declare a field `long`: all after byte 140 is 4 bytes late.
+const HEADER_LONG: u64 = 212;
+/// Nanometres per micrometre.
+pub const NM_PER_UM: f64 = 1000.0;
+/// Wavelengths, µm, that a light source may have.
+const LIGHT_UM: RangeInclusive<f32> = 0.1..=20.0;
+/// The same range in nm. Numbers this large in a column of µm are nm: as µm they would be far infrared or radio.
+const LIGHT_NM: RangeInclusive<f32> = 100.0..=20_000.0;
+/// Rays looked at to see whether their flux and wavelength are where they belong.
+const SPECTRAL_RAYS: u64 = 64;
+/// What is told of a file with wavelengths in nm.
+const IN_NANOMETRES: &str = "Wavelengths stand in nm where the format has um; they were read as nm.";
+
+/// Opens a file of this format.
+///
+/// # Errors
+/// As [`crate::formats::open`].
+pub fn open(bytes: Arc<dyn Bytes>, limits: &Limits) -> Result<RaySet, Error> {
+    let header = Header::read(bytes.as_ref())?;
+    let layout = header.layout(bytes.as_ref())?;
+    proof::count(header.ray_count.into(), limits).map_err(|error| error.at_byte(4))?;
+    let mut facts = header.facts(&layout)?;
+    let spectral = Spectral::of(&layout, bytes.as_ref(), header.ray_count)?;
+    spectral.notice(&mut facts.notices);
+    let ray =
+        move |record: &Words| layout.ray(record, if spectral == Spectral::InNanometres { 1.0 } else { NM_PER_UM });
+    Ok(RaySet { facts, records: Box::new(Floats { bytes, start: layout.start, words: layout.words(), ray }) })
+}
+
+/// Judges the header from the first bytes of a file that is `length` bytes long, if that is known.
+///
+/// # Errors
+/// As [`open`]; [`Error::Unreadable`] (end of file) when `bytes` holds too little to tell.
+pub fn peek(bytes: &dyn Bytes, length: Option<u64>) -> Result<(), Error> {
+    let mut block = vec![0; HEADER_LONG as usize];
+    bytes.read_at(0, &mut block)?;
+    let header = Header { ray_count: u32_in(&block, 4), block };
+    match length {
+        Some(_) => header.facts(&header.layout(bytes)?).map(|_| ()),
+        None => Ok(()),
+    }
+}
+
+/// The length unit of a code; text files have the same.
+///
+/// # Errors
+/// `zemax.unit`.
+pub fn length_unit(code: i32) -> Result<LengthUnit, Error> {
+    match code {
+        0 => Ok(LengthUnit::Metre),
+        1 => Ok(LengthUnit::Inch),
+        2 => Ok(LengthUnit::Centimetre),
+        3 => Ok(LengthUnit::Foot),
+        4 => Ok(LengthUnit::Millimetre),
+        _ => {
+            let found = format!("The length unit is {code}; only 0 to 4 (m, in, cm, ft, mm) exist.");
+            Err(Error::malformed("zemax.unit", found, "Export the file again."))
+        }
+    }
+}
+
+/// The header, not yet believed.
+struct Header {
+    block: Vec<u8>,
+    ray_count: u32,
+}
+
+/// Where records are and what is in them.
+#[derive(Clone, Copy, Debug)]
+struct Layout {
+    /// Offset of the first record: [`HEADER`] or [`HEADER_LONG`].
+    start: u64,
+    /// Records hold a wavelength.
+    spectral: bool,
+    /// Flux is in lm.
+    luminous: bool,
+    /// Flux type as stored.
+    flux_type: i32,
+    /// Length unit of positions.
+    unit: LengthUnit,
+}
+
+impl Layout {
+    /// Numbers per record.
+    fn words(&self) -> usize {
+        if self.spectral { 8 } else { 7 }
+    }
+
+    /// The ray of a record whose wavelength, times `nm`, is in nm.
+    fn ray(&self, record: &Words, nm: f64) -> RawRay {
+        let flux = float(record, 6);
+        RawRay {
+            origin_mm: triple(record, 0, self.unit.mm()),
+            direction: triple(record, 3, 1.0),
+            radiant: if self.luminous { 0.0 } else { flux },
+            luminous: if self.luminous { flux } else { 0.0 },
+            wavelength_nm: float(record, 7) * nm,
+            ..RawRay::default()
+        }
+    }
+}
+
+impl Header {
+    fn read(bytes: &dyn Bytes) -> Result<Header, Error> {
+        let mut cursor = Cursor::new(bytes, 0);
+        let mut block = cursor.block("the header", HEADER)?;
+        // One more word, for the long header; the first record of a good file has it too.
+        block.extend(cursor.block("the first record", 4.min(bytes.len() - HEADER))?);
+        Ok(Header { ray_count: u32_in(&block, 4), block })
+    }
+
+    /// The layout that the length of the file and, under the long header, its directions prove.
+    fn layout(&self, bytes: &dyn Bytes) -> Result<Layout, Error> {
+        let length = bytes.len();
+        let formats = [(HEADER, 192), (HEADER_LONG, 196)].map(|(start, at)| (start, i32_in(&self.block, at), at));
+        let count = u64::from(self.ray_count);
+        for (start, format, at) in formats {
+            let record_bytes = if format == 2 { 32 } else { 28 };
+            if matches!(format, 0 | 2)
+                && length == start + count * record_bytes
+                && (start == HEADER || proof::directions_hold(bytes, start, record_bytes, count)?)
+            {
+                return self.layout_at(start, format == 2, at);
+            }
+        }
+        let (_, format, _) = formats[0];
+        if !matches!(format, 0 | 2) {
+            let found = format!("The ray format is {format}; only 0 (flux) and 2 (spectral) exist.");
+            return Err(Error::malformed("zemax.ray_format", found, "Export the file again.").at_byte(192));
+        }
+        let record_bytes = if format == 2 { 32 } else { 28 };
+        let found = format!(
+            "The header announces {count} rays of {record_bytes} bytes, which makes {} bytes; the file has {length}.",
+            HEADER + count * record_bytes
+        );
+        let remedy = "Fetch the file again if it is shorter than announced; export it again if it is longer.";
+        Err(Error::malformed("zemax.size", found, remedy).at_byte(length.min(HEADER)))
+    }
+
+    fn layout_at(&self, start: u64, spectral: bool, format_at: usize) -> Result<Layout, Error> {
+        let (unit, flux_type) = (i32_in(&self.block, 136), i32_in(&self.block, format_at + 4));
+        let unit = length_unit(unit).map_err(|error| error.at_byte(136))?;
+        if !(spectral || matches!(flux_type, 0 | 1)) {
+            let found = format!("The flux type is {flux_type}; only 0 (W) and 1 (lm) exist.");
+            let remedy = "Export the file again with a flux unit.";
+            return Err(Error::malformed("zemax.flux_type", found, remedy).at_byte(format_at as u64 + 4));
+        }
+        Ok(Layout { start, spectral, luminous: !spectral && flux_type == 1, flux_type, unit })
+    }
+
+    fn facts(&self, layout: &Layout) -> Result<Facts, Error> {
+        let float = |at| f32_in(&self.block, at);
+        let mut notices = Notices::default();
+        if layout.start == HEADER_LONG {
+            let told = "The header is 212 bytes long, as written by programs with 64-bit `long`; it was read as such.";
+            notices.add("zemax.long_header", told);
+        }
+        if layout.spectral && layout.flux_type != 0 {
+            notices.add(
+                "zemax.flux_type",
+                "Spectral rays are in W by definition; the flux type of the header was ignored.",
+            );
+        }
+        let total =
+            [108, 112].map(|at| f64::from(float(at))).into_iter().find(|total| total.is_finite() && *total > 0.0);
+        Ok(Facts {
+            format: Format::ZemaxBinary,
+            ray_count: u64::from(self.ray_count),
+            header_flux: Flux {
+                radiant_w: total.filter(|_| !layout.luminous),
+                luminous_lm: total.filter(|_| layout.luminous),
+            },
+            total_rule: TotalRule::RaySum,
+            has_radiant: !layout.luminous,
+            has_luminous: layout.luminous,
+            spectral: self.spectral(layout, &mut notices),
+            length_unit: Some(layout.unit),
+            quantity_unknown: false,
+            texts: self.texts(layout),
+            notices,
+        })
+    }
+
+    /// A wavelength in the header of a flux-only file is that of all its rays; 0 stands for a composite, NaN for nothing.
+    fn spectral(&self, layout: &Layout, notices: &mut Notices) -> SpectralData {
+        let stored = f32_in(&self.block, 116);
+        if layout.spectral {
+            return SpectralData::Wavelength;
+        }
+        let nm = if LIGHT_UM.contains(&stored) {
+            f64::from(stored) * NM_PER_UM
+        } else if LIGHT_NM.contains(&stored) {
+            notices.add("zemax.wavelength_nm", IN_NANOMETRES);
+            f64::from(stored)
+        } else {
+            return SpectralData::None;
+        };
+        let told =
+            format!("The header gives one wavelength for all rays, {nm:.1} nm; W and lm were converted with it.");
+        notices.add("zemax.header_wavelength", told);
+        Table::new(&[(nm, 1.0)]).map_or(SpectralData::None, SpectralData::Table)
+    }
+
+    fn texts(&self, layout: &Layout) -> Vec<(String, String)> {
+        let float = |at| f32_in(&self.block, at).to_string();
+        let unit = ["m", "in", "cm", "ft", "mm"].get(i32_in(&self.block, 136).max(0) as usize).copied().unwrap_or("");
+        [
+            ("identifier", i32_in(&self.block, 0).to_string()),
+            ("description", ascii(self.block.get(8..108).unwrap_or_default())),
+            ("source_flux", float(108)),
+            ("ray_set_flux", float(112)),
+            ("wavelength_um", float(116)),
+            ("length_unit", unit.to_owned()),
+            ("flux_unit", if layout.luminous { "lm" } else { "W" }.to_owned()),
+        ]
+        .map(|(name, value)| (name.to_owned(), value))
+        .to_vec()
+    }
+}
+
+/// What the spectral column shows of a file when its first rays are looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Spectral {
+    /// Flux, then wavelength in µm.
+    AsDocumented,
+    /// Column 7 reads like wavelengths in µm and column 8 does not.
+    LooksSwapped,
+    /// Wavelengths are in nm: as µm they would be no light.
+    InNanometres,
+}
+
+impl Spectral {
+    fn of(layout: &Layout, bytes: &dyn Bytes, ray_count: u32) -> Result<Spectral, Error> {
+        let looked = if layout.spectral { u64::from(ray_count).min(SPECTRAL_RAYS) } else { 0 };
+        let block = Cursor::new(bytes, layout.start).block("the first rays", looked * 32)?;
+        let all = |test: fn(f32, f32) -> bool| block.chunks_exact(32).all(|r| test(f32_in(r, 24), f32_in(r, 28)));
+        Ok(match looked {
+            0 => Spectral::AsDocumented,
+            _ if all(|_, wavelength| LIGHT_NM.contains(&wavelength)) => Spectral::InNanometres,
+            _ if all(|flux, wavelength| (0.2..=2.5).contains(&flux) && !(0.2..1.0).contains(&wavelength)) => {
+                Spectral::LooksSwapped
+            }
+            _ => Spectral::AsDocumented,
+        })
+    }
+
+    fn notice(self, notices: &mut Notices) {
+        match self {
+            Spectral::AsDocumented => {}
+            Spectral::LooksSwapped => {
+                let told =
+                    "Flux and wavelength look as if they had changed places; they were read in the documented order.";
+                notices.add("zemax.swapped_columns", told);
+            }
+            Spectral::InNanometres => notices.add("zemax.wavelength_nm", IN_NANOMETRES),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A file by the table of `pipeline/formats/README.md` 2: header fields by offset, then rays.
+    fn file(unit: i32, format: i32, flux_type: i32, rays: &[&[f32]]) -> Vec<u8> {
+        let mut bytes = vec![0; HEADER as usize];
+        let mut put = |at: usize, word: [u8; 4]| bytes[at..at + 4].copy_from_slice(&word);
+        put(0, 1010_i32.to_le_bytes());
+        put(4, (rays.len() as u32).to_le_bytes());
+        put(8, *b"hand");
+        put(108, 5.0_f32.to_le_bytes());
+        put(136, unit.to_le_bytes());
+        put(192, format.to_le_bytes());
+        put(196, flux_type.to_le_bytes());
+        bytes.extend(rays.iter().flat_map(|ray| ray.iter().flat_map(|value| value.to_le_bytes())));
+        bytes
+    }
+
+    const RAY: &[f32] = &[1.0, 2.0, 0.5, 0.0, 0.0, 1.0, 0.25];
+    const COLORED: &[f32] = &[1.0, 2.0, 0.5, 0.0, 0.0, 1.0, 0.125, 0.45];
+
+    fn opened(bytes: Vec<u8>) -> Result<(Facts, Vec<RawRay>), Error> {
+        let set = open(Arc::new(bytes), &Limits::default())?;
+        let mut rays = Vec::new();
+        set.records.read(0, set.facts.ray_count as usize, &mut rays)?;
+        Ok((set.facts, rays))
+    }
+
+    #[test]
+    fn units_and_fluxes() {
+        for (unit, mm) in [(0, 1000.0), (1, 25.4), (2, 10.0), (3, 304.8), (4, 1.0)] {
+            let (facts, rays) = opened(file(unit, 0, 1, &[RAY])).unwrap();
+            assert_eq!(rays[0].origin_mm, [mm, 2.0 * mm, 0.5 * mm]);
+            assert_eq!((rays[0].luminous, rays[0].radiant), (0.25, 0.0));
+            assert_eq!(facts.header_flux, Flux { radiant_w: None, luminous_lm: Some(5.0) });
+            assert_eq!(facts.spectral, SpectralData::None);
+            assert_eq!(facts.total_rule, TotalRule::RaySum);
+        }
+        let (facts, rays) = opened(file(4, 2, 0, &[COLORED, COLORED])).unwrap();
+        assert!((rays[1].wavelength_nm - 450.0).abs() < 1e-4 && rays[1].radiant == 0.125);
+        assert_eq!(facts.notices, Notices::default());
+        assert_eq!(facts.spectral, SpectralData::Wavelength);
+    }
+
+    #[test]
+    fn a_header_with_64_bit_long_is_read_with_a_notice() {
+        for (format, ray) in [(0, RAY), (2, COLORED)] {
+            let mut bytes = file(4, format, 0, &[ray]);
+            bytes.splice(140..140, [0; 4]);
+            let (facts, rays) = opened(bytes).unwrap();
+            assert_eq!(facts.notices.count_of("zemax.long_header"), 1);
+            assert_eq!(rays[0].origin_mm, [1.0, 2.0, 0.5]);
+        }
+    }
+
+    #[test]
+    fn swapped_columns_are_told_and_not_touched() {
+        let swapped: &[f32] = &[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.486, 1.0];
+        let (facts, rays) = opened(file(4, 2, 0, &[swapped; 3])).unwrap();
+        assert_eq!(facts.notices.count_of("zemax.swapped_columns"), 1);
+        assert_eq!(rays[0].wavelength_nm, 1000.0);
+    }
+
+    /// Wavelengths of 100 and more in a column of µm are nm, in the records as in the header.
+    #[test]
+    fn wavelengths_in_nm_are_read_as_nm() {
+        let nm: &[f32] = &[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.5, 450.0];
+        let (facts, rays) = opened(file(4, 2, 0, &[nm; 3])).unwrap();
+        assert_eq!((facts.notices.count_of("zemax.wavelength_nm"), rays[2].wavelength_nm), (1, 450.0));
+        let (facts, rays) = opened(file(4, 2, 0, &[nm, COLORED])).unwrap();
+        assert_eq!((facts.notices, rays[0].wavelength_nm), (Notices::default(), 450_000.0));
+        let mut bytes = file(4, 0, 0, &[RAY]);
+        bytes[116..120].copy_from_slice(&450.0_f32.to_le_bytes());
+        let (facts, _) = opened(bytes).unwrap();
+        assert_eq!(facts.notices.count_of("zemax.wavelength_nm"), 1);
+        assert_eq!(facts.spectral.tables()[0].range_nm(), (450.0, 450.0));
+    }
+
+    /// The total of the header is the source's, or else that of the set.
+    #[test]
+    fn either_total_of_the_header_is_compared_with_the_rays() {
+        for (source, set, expected) in [(5.0, 1.0, Some(5.0)), (0.0, 1.0, Some(1.0)), (0.0, f32::NAN, None)] {
+            let mut bytes = file(4, 0, 0, &[RAY]);
+            bytes[108..112].copy_from_slice(&f32::to_le_bytes(source));
+            bytes[112..116].copy_from_slice(&f32::to_le_bytes(set));
+            assert_eq!(opened(bytes).unwrap().0.header_flux.radiant_w, expected);
+        }
+    }
+
+    #[test]
+    fn a_header_wavelength_is_that_of_all_rays_and_nan_is_none() {
+        for (um, expected) in [(0.55_f32, 1), (f32::NAN, 0), (0.0, 0), (-1.0, 0), (50.0, 0), (3e4, 0)] {
+            let mut bytes = file(4, 0, 0, &[RAY]);
+            bytes[116..120].copy_from_slice(&um.to_le_bytes());
+            let (facts, _) = opened(bytes).unwrap();
+            assert_eq!(facts.notices.count_of("zemax.header_wavelength"), expected);
+            assert_eq!(facts.spectral.tables().len() as u64, expected);
+        }
+    }
+
+    #[test]
+    fn wrong_headers_name_their_byte() {
+        let cases = [
+            (file(5, 0, 0, &[RAY]), "zemax.unit"),
+            (file(4, 1, 0, &[RAY]), "zemax.ray_format"),
+            (file(4, 0, 2, &[RAY]), "zemax.flux_type"),
+            (file(4, 2, 0, &[RAY]), "zemax.size"),
+            (file(4, 0, 0, &[COLORED]), "zemax.size"),
+        ];
+        for (bytes, code) in cases {
+            assert_eq!(opened(bytes).unwrap_err().code(), code);
+        }
+        let whole = file(4, 0, 0, &[RAY, RAY]);
+        for length in 4..whole.len() {
+            let Err(Error::Malformed(fault)) = opened(whole[..length].to_vec()) else { panic!("{length}") };
+            assert!(fault.at.is_some());
+        }
+        let limits = Limits { max_rays: 1, ..Limits::default() };
+        assert_eq!(open(Arc::new(whole), &limits).err().unwrap().code(), "rays.too_many");
+    }
+}

@@ -1,0 +1,80 @@
+//! Which way the source looks: the axis nearest the direction of maximum intensity.
+
+use crate::error::Error;
+use crate::options::{GoniogramOptions, parallel};
+use crate::rays::direction_cube::CUBE_CELLS;
+use crate::rays::direction_cube::DirectionCube;
+use crate::vocabulary::space::{Axis, Frame};
+
+/// Intensities closer together than this many standard errors are not told apart.
+const SIGMAS: f64 = 4.0;
+
+/// The photometric frame: as asked, else looking along the axis whose face of the direction cube holds the highest intensity.
+///
+/// # Errors
+/// [`Error::Unusable`] when γ = 0 and C0 were asked for along one line.
+pub fn frame(directions: &DirectionCube, options: &GoniogramOptions) -> Result<Frame, Error> {
+    let looking = Frame::looking(options.nadir.unwrap_or_else(|| brightest(directions)));
+    let frame = Frame { c0: options.c0.unwrap_or(looking.c0), ..looking };
+    if frame.c0.component() == frame.nadir.component() {
+        return Err(parallel(frame.nadir, frame.c0));
+    }
+    Ok(frame)
+}
+
+/// The axis whose face holds the highest intensity, averaged over 3 × 3 cells against noise. Faces whose peaks cannot be told
+/// apart (an even source, few rays) are decided by the flux they receive, and where that cannot be told apart either, by the
+/// order of [`Axis::ALL`].
+fn brightest(directions: &DirectionCube) -> Axis {
+    let faces: Vec<(Axis, Peak)> =
+        Axis::ALL.into_iter().enumerate().map(|(face, axis)| (axis, peak(directions, face))).collect();
+    let highest = faces.iter().map(|(_, peak)| peak.low()).fold(0.0, f64::max);
+    let rivals: Vec<&(Axis, Peak)> = faces.iter().filter(|(_, peak)| peak.high() >= highest).collect();
+    let fullest = rivals.iter().map(|(_, peak)| peak.flux * (1.0 - SIGMAS * peak.flux_error)).fold(0.0, f64::max);
+    rivals
+        .iter()
+        .find(|(_, peak)| peak.flux * (1.0 + SIGMAS * peak.flux_error) >= fullest)
+        .map_or(Axis::PosZ, |(axis, _)| *axis)
+}
+
+/// The highest mean intensity on a face and its flux, with relative standard errors.
+struct Peak {
+    intensity: f64,
+    error: f64,
+    flux: f64,
+    flux_error: f64,
+}
+
+impl Peak {
+    fn low(&self) -> f64 {
+        self.intensity * (1.0 - SIGMAS * self.error).max(0.0)
+    }
+
+    fn high(&self) -> f64 {
+        self.intensity * (1.0 + SIGMAS * self.error)
+    }
+}
+
+fn peak(directions: &DirectionCube, face: usize) -> Peak {
+    let side = CUBE_CELLS;
+    let relative_error = |rays: u64| if rays > 0 { 1.0 / (rays as f64).sqrt() } else { 0.0 };
+    let mut best = Peak { intensity: 0.0, error: 0.0, flux: 0.0, flux_error: 0.0 };
+    for row in 1..side - 1 {
+        for column in 1..side - 1 {
+            let (mut flux, mut rays, mut solid_angle) = (0.0, 0, 0.0);
+            for (r, c) in (row - 1..=row + 1).flat_map(|r| (column - 1..=column + 1).map(move |c| (r, c))) {
+                let cell = (face * side + r) * side + c;
+                flux += directions.flux[cell];
+                rays += directions.rays[cell];
+                solid_angle += DirectionCube::solid_angle_sr(cell);
+            }
+            if flux / solid_angle > best.intensity {
+                best = Peak { intensity: flux / solid_angle, error: relative_error(rays), ..best };
+            }
+        }
+    }
+    let cells = face * side * side..(face + 1) * side * side;
+    best.flux = directions.flux[cells.clone()].iter().sum();
+    best.flux_error = relative_error(directions.rays[cells].iter().sum());
+    best
+}

@@ -1,0 +1,349 @@
+//! What a user should think of a file: one verdict per check, in reading order, each with what to do.
+
+use super::findings::Inspection;
+use super::findings::{Check, Verdict};
+use super::origins::Origins;
+use crate::error::Fault;
+use crate::formats::record::{Facts, SpectralData, TotalRule};
+use crate::rays::conversion::header_lm_per_w;
+use crate::rays::totals::{EFFICACY_NOTICED, LIKELY_SIZE_MM, RATIO_NOTICED};
+use glam::DVec3;
+
+/// Visible light, nm: spectra with nothing inside give no lumens.
+const VISIBLE_NM: (f64, f64) = (380.0, 780.0);
+/// Wavelengths outside are no light source anybody sells rays of, nm: another column was read, or another unit.
+const LIKELY_NM: (f64, f64) = (100.0, 20_000.0);
+/// Share of the flux of a single ray that shows as a spot.
+const LARGE_RAY: f64 = 0.01;
+/// Effective over counted rays below which most rays hardly count.
+const EVEN_RAYS: f64 = 0.1;
+/// Noise of a picture of 50 x 50 cells that shows.
+const NOISY: f64 = 0.25;
+/// Share of the flux against the main direction of a source that has one.
+const BACKWARD: f64 = 0.01;
+/// Length of the mean direction above which a source has a main direction; even light into a hemisphere has 1/2.
+const DIRECTED: f64 = 0.45;
+/// Origins twice as far from the focus as 99 % of the ray lines pass by it lie on a receiver, not on an emitter.
+const FAR: f64 = 2.0;
+/// Distance of the focus from the plane of the origins, in root mean square distances of the ray lines, that blurs.
+const SUNK: f64 = 0.2;
+/// ... and in its standard errors: two-sided normal tail 6e-7.
+const SURE: f64 = 5.0;
+/// Share of the origins on a plane that makes it the place they were moved to.
+const MOVED: f64 = 0.8;
+
+/// Checks whose findings are told by whoever reads the rays for a model: as a refusal, or as a notice under a code of its own
+/// (`rays.unlikely_size`, `rays.total_ratio`, `rays.efficacy_differs`, those of [`crate::rays::check`]).
+pub const TOLD_BY_READING: [&str; 7] =
+    ["rays.usable", "rays.length_unit", "rays.quantity", "rays.size", "rays.total", "rays.efficacy", "rays.directions"];
+
+fn ok(check: &'static str, message: impl Into<String>) -> Check {
+    Check { check, verdict: Verdict::Ok, message: message.into(), remedy: None }
+}
+
+fn notice(check: &'static str, message: impl Into<String>, remedy: &str) -> Check {
+    Check { check, verdict: Verdict::Notice, message: message.into(), remedy: Some(remedy.into()) }
+}
+
+fn wrong(check: &'static str, message: impl Into<String>, remedy: &str) -> Check {
+    Check { check, verdict: Verdict::Wrong, message: message.into(), remedy: Some(remedy.into()) }
+}
+
+/// All checks of a file, in reading order. `fault`: why a job would refuse it.
+pub fn checks(facts: &Facts, found: &Inspection, fault: Option<&Fault>) -> Vec<Check> {
+    let mut checks = vec![rays(found, fault), length_unit(facts), quantity(facts)];
+    if found.rays_used > 0 {
+        checks.extend([size(found), total(facts, found), spectrum(facts, found)]);
+        checks.extend(efficacy(facts, found));
+        checks.extend([directions(found), order(found), ray_flux(found), noise(found), focus(found)]);
+        checks.extend([origins(found), backward(found), job(found)]);
+    }
+    checks
+}
+
+fn rays(found: &Inspection, fault: Option<&Fault>) -> Check {
+    const NAME: &str = "rays.usable";
+    let (used, refused, dropped) = (found.rays_used, found.rays_refused, found.rays_dropped);
+    match fault {
+        Some(fault) => wrong(NAME, &fault.found, &fault.remedy),
+        None if refused + dropped > 0 => notice(
+            NAME,
+            format!("{used} rays can be used; {refused} cannot be meant and were refused, {dropped} carry no flux."),
+            "The notices say why, and which ray was the first. Nothing, if these are few; else export the file again.",
+        ),
+        None if used == 1 => ok(NAME, "Its one ray can be used."),
+        None => ok(NAME, format!("All {used} rays can be used.")),
+    }
+}
+
+fn length_unit(facts: &Facts) -> Check {
+    const NAME: &str = "rays.length_unit";
+    match facts.length_unit {
+        Some(unit) => ok(NAME, format!("Lengths are in {}.", unit.symbol())),
+        None => wrong(
+            NAME,
+            "The file does not say its unit of length; it was read as if in mm.",
+            "Declare length_unit for it: nm, um, mm, cm, in, ft or m.",
+        ),
+    }
+}
+
+fn quantity(facts: &Facts) -> Check {
+    const NAME: &str = "rays.quantity";
+    if facts.quantity_unknown {
+        let remedy = "Declare quantity for it: radiant (W) or luminous (lm).";
+        return wrong(NAME, "The file does not say whether its flux is in W or lm.", remedy);
+    }
+    ok(
+        NAME,
+        match (facts.has_radiant, facts.has_luminous) {
+            (true, true) => "Rays carry W and lm.",
+            (true, false) => "Rays carry W.",
+            (false, _) => "Rays carry lm.",
+        },
+    )
+}
+
+fn size(found: &Inspection) -> Check {
+    const NAME: &str = "rays.size";
+    let Some(extent) = found.origins_mm else { return ok(NAME, "There are no origins.") };
+    let [x, y, z] = std::array::from_fn(|k| extent.max[k] - extent.min[k]);
+    let largest = x.max(y).max(z);
+    let told = format!("The origins span {x:.4} x {y:.4} x {z:.4} mm.");
+    if largest > LIKELY_SIZE_MM.1 || (largest > 0.0 && largest < LIKELY_SIZE_MM.0) {
+        return notice(
+            NAME,
+            told,
+            "The unit of length looks wrong: compare with the data sheet and declare length_unit.",
+        );
+    }
+    ok(NAME, told)
+}
+
+fn total(facts: &Facts, found: &Inspection) -> Check {
+    const NAME: &str = "rays.total";
+    let primary = format!("{:.6} {}", found.flux.primary(), found.flux.primary_unit());
+    let Some(ratio) = found.sum_over_header else {
+        return ok(NAME, format!("The total is {primary}; there is no other to compare it with."));
+    };
+    if (ratio - 1.0).abs() <= RATIO_NOTICED {
+        return ok(NAME, format!("The total is {primary}; header and rays agree."));
+    }
+    let told = format!("The rays sum to {ratio:.6} times the header's total; {primary} was taken.");
+    match facts.total_rule {
+        TotalRule::Header => notice(
+            NAME,
+            format!("{told} In this format rays are relative to the header's total."),
+            "Compare the total with the data sheet; declare flux if it is another.",
+        ),
+        TotalRule::RaySum => notice(
+            NAME,
+            format!("{told} In this format the rays hold; the file may be part of a longer one."),
+            "Compare the total with the data sheet; declare flux if it is another.",
+        ),
+    }
+}
+
+fn spectrum(facts: &Facts, found: &Inspection) -> Check {
+    const NAME: &str = "rays.spectrum";
+    if let Some((low, high)) = found.wavelength_nm {
+        let told = format!("A wavelength per ray, {low:.1} to {high:.1} nm.");
+        if high < LIKELY_NM.0 || low > LIKELY_NM.1 {
+            return wrong(NAME, told, "Columns are swapped or wavelengths are in another unit: export the file again.");
+        }
+        if high < VISIBLE_NM.0 || low > VISIBLE_NM.1 {
+            return notice(
+                NAME,
+                told,
+                "Nothing of it is visible: expect no lumens, or export the file again if you do.",
+            );
+        }
+        return ok(NAME, told);
+    }
+    match (&facts.spectral, found.header.table_range_nm) {
+        (SpectralData::Tristimulus, _) => ok(NAME, "Tristimulus values per ray."),
+        (_, Some((low, high))) => {
+            ok(NAME, format!("{} in tables, {low:.1} to {high:.1} nm.", plural(facts.spectral.tables().len())))
+        }
+        _ => notice(
+            NAME,
+            format!("There is no spectrum: only {} can be modelled.", found.flux.primary_unit()),
+            "Declare the spectrum of its light if you need W and lm, or colour.",
+        ),
+    }
+}
+
+fn plural(tables: usize) -> String {
+    if tables == 1 { "One spectrum".to_owned() } else { format!("{tables} spectra") }
+}
+
+fn efficacy(facts: &Facts, found: &Inspection) -> Option<Check> {
+    const NAME: &str = "rays.efficacy";
+    let header = header_lm_per_w(facts)?;
+    let spectrum = found.spectrum_lm_per_w?;
+    let told = format!("The header's totals give {header:.1} lm/W, the spectrum gives {spectrum:.1} lm/W.");
+    if (header - spectrum).abs() > EFFICACY_NOTICED * header.max(spectrum) {
+        return Some(notice(
+            NAME,
+            told,
+            "One of W, lm and spectrum is wrong: compare with the data sheet, declare flux.",
+        ));
+    }
+    Some(ok(NAME, told))
+}
+
+fn directions(found: &Inspection) -> Check {
+    const NAME: &str = "rays.directions";
+    let worst = found.directions.worst_length_error;
+    let repaired = found.directions.repaired;
+    if repaired > 0 {
+        let told = format!(
+            "{repaired} directions were not of unit length and were normalised; the worst is off by {worst:.1e}."
+        );
+        return notice(NAME, told, "Nothing, unless it is many of few rays: then export the file with more digits.");
+    }
+    ok(NAME, format!("Directions are unit vectors; the worst is off by {worst:.1e}."))
+}
+
+fn order(found: &Inspection) -> Check {
+    const NAME: &str = "rays.order";
+    let Some(order) = &found.order else { return ok(NAME, "There are no rays.") };
+    if !order.sorted {
+        return ok(NAME, "Rays are in random order.");
+    }
+    let near = order.neighbors.as_ref().map(|s| format!("neighbours correlate by {:.2} in {}", s.value, s.quantity));
+    let head =
+        order.first_tenth.as_ref().map(|s| format!("the first tenth is off by {:.2} σ in {}", s.value, s.quantity));
+    let told = [near, head].into_iter().flatten().collect::<Vec<_>>().join("; ");
+    notice(
+        NAME,
+        format!("Rays are not in random order: {told}."),
+        "Nothing here, where all rays are used. Programs that take only the first rays see another source: shuffle it for them.",
+    )
+}
+
+fn ray_flux(found: &Inspection) -> Check {
+    const NAME: &str = "rays.ray_flux";
+    let Some(flux) = &found.ray_flux else { return ok(NAME, "There are no rays.") };
+    let told = format!(
+        "The brightest ray has {:.2e} of the flux; the file is as good as {:.0} rays of equal flux.",
+        flux.largest_share, flux.effective_rays
+    );
+    let few = found.rays_used >= 1000 && flux.largest_share > LARGE_RAY;
+    if few || flux.effective_rays < EVEN_RAYS * found.rays_used as f64 {
+        return notice(
+            NAME,
+            told,
+            "A few rays carry most of the light and will show as spots: ask for rays of equal flux.",
+        );
+    }
+    ok(NAME, if flux.equal { "All rays carry the same flux.".to_owned() } else { told })
+}
+
+fn noise(found: &Inspection) -> Check {
+    const NAME: &str = "rays.noise";
+    let Some(noise) = &found.noise else { return ok(NAME, "There are no rays.") };
+    let told = format!(
+        "A picture of 50 x 50 cells made of these rays has {:.1} % noise; {:.0} cells have 5 %.",
+        100.0 * noise.of_2500_cells,
+        noise.cells_at_5_percent
+    );
+    if noise.of_2500_cells > NOISY {
+        return notice(NAME, told, "Ask the vendor for more rays, or expect a coarse model.");
+    }
+    ok(NAME, told)
+}
+
+fn focus(found: &Inspection) -> Check {
+    const NAME: &str = "rays.focus";
+    let Some(focus) = &found.focus else {
+        let told = "The rays are collimated: they have no virtual focus.";
+        return notice(NAME, told, "Nothing, if it is a beam; else the directions are wrong: export the file again.");
+    };
+    let [x, y, z] = focus.point_mm;
+    ok(
+        NAME,
+        format!(
+            "Virtual focus at ({x:.4}, {y:.4}, {z:.4}) mm ± {:.4}; 99 % of the flux passes within {:.4} mm of it.",
+            focus.standard_error_mm, focus.distance_99_mm
+        ),
+    )
+}
+
+fn origins(found: &Inspection) -> Check {
+    const NAME: &str = "rays.origins";
+    let Some(origins) = &found.origins else { return ok(NAME, "There are no origins.") };
+    let told = told(origins);
+    let means = "Where the light comes from, the virtual focus tells. A surface made of these origins is right far away \
+                 and blurred near the source.";
+    let Some(focus) = &found.focus else { return ok(NAME, told) };
+    if found.median_origin_distance_mm > FAR * focus.distance_99_mm {
+        let far = format!(
+            "{told} They are {:.3} mm from the virtual focus (median), but the light passes it within {:.3} mm: they \
+             lie on a distant receiver and are not the emitter.",
+            found.median_origin_distance_mm, focus.distance_99_mm
+        );
+        return notice(NAME, far, means);
+    }
+    let depth = origins.plane.filter(|plane| plane.share >= MOVED).map_or(0.0, |plane| {
+        (DVec3::from_array(plane.normal).dot(DVec3::from_array(focus.point_mm)) - plane.offset_mm).abs()
+    });
+    if depth > SUNK * focus.rms_distance_mm && depth > SURE * focus.standard_error_mm {
+        let sunk =
+            format!("{told} The virtual focus is {depth:.4} mm off that plane: the origins are not the emitter.");
+        return notice(NAME, sunk, means);
+    }
+    ok(NAME, told)
+}
+
+fn told(origins: &Origins) -> String {
+    let about = if origins.exact { "" } else { "About " };
+    let mut told = match origins.shape {
+        "point" => "All rays start in one point.".to_owned(),
+        "spread" => "Origins lie neither on a plane nor on a sphere nor on the faces of a box.".to_owned(),
+        shape => format!("Origins lie on {}.", if shape == "box" { "the faces of a box" } else { shape_name(shape) }),
+    };
+    if let Some(plane) = origins.plane.filter(|plane| plane.share > 0.5) {
+        told += &format!(" {about}{:.1} % are on one plane.", 100.0 * plane.share);
+    }
+    if let (Some(sphere), "sphere") = (origins.sphere, origins.shape) {
+        let [x, y, z] = sphere.center_mm;
+        told += &format!(" Its radius is {:.4} mm, its middle ({x:.4}, {y:.4}, {z:.4}) mm.", sphere.radius_mm);
+    }
+    told
+}
+
+fn shape_name(shape: &str) -> &'static str {
+    if shape == "plane" { "a plane" } else { "a sphere" }
+}
+
+fn backward(found: &Inspection) -> Check {
+    const NAME: &str = "rays.backward";
+    let Some(main) = &found.main_direction else { return ok(NAME, "There is no light.") };
+    let (axis, share) = (main.axis.name(), main.backward_share);
+    if main.mean_cosine < DIRECTED {
+        return ok(NAME, "The source shines into all directions or several: none of them is backward.");
+    }
+    let told = format!("The source shines along {axis}; {:.3} % of the flux go backward.", 100.0 * share);
+    if share > BACKWARD {
+        return notice(
+            NAME,
+            told,
+            "Check that nothing is in the way there: a housing would block that light, a model does not.",
+        );
+    }
+    ok(NAME, told)
+}
+
+fn job(found: &Inspection) -> Check {
+    let estimate = &found.job;
+    let mb = |bytes: u64| (bytes as f64 / 1e6).round();
+    let told = format!(
+        "A job takes about {:.0} to {:.0} s of one core and {} to {} MB.",
+        estimate.core_seconds.0.ceil(),
+        estimate.core_seconds.1.ceil(),
+        mb(estimate.memory_bytes.0),
+        mb(estimate.memory_bytes.1)
+    );
+    ok("rays.job", told)
+}

@@ -1,0 +1,147 @@
+//! Rays in, model and artifacts out. Pure: no disk, no clock, no network, no async; bytes come from a reader it is
+//! handed, randomness from a seed, parallelism from rayon's ambient pool. `README.md` has the conventions.
+//!
+//! Reading order is the order of the flow; each module may name only those above it (`tests/architecture`).
+
+/// What can go wrong, in three kinds: malformed, refused, asked for wrongly.
+mod error;
+/// Words that at least two stages speak.
+pub mod vocabulary;
+/// Everything a caller may choose: ranges, defaults, and how a choice is echoed in the report.
+pub mod options;
+/// How a file is written: numbers, JSON, drawings.
+mod writing;
+/// Ray files as vendors write them, each read into the same stored rays.
+pub mod formats;
+/// 1. Files to rays.
+pub mod rays;
+/// Known sources with closed-form answers.
+pub mod known_sources;
+/// What can be said of a file before a model is made of it.
+pub mod inspection;
+/// Several ray sets become one source; the only way to its rays.
+pub mod source;
+/// One ray file as another.
+pub mod convert;
+/// 2. Rays to a surface.
+pub mod hull;
+/// 3. Rays onto the surface.
+pub mod flux;
+/// 4. Flux to angles.
+pub mod goniogram;
+/// 5. What a renderer needs: the radiance of a point and a direction.
+pub mod model;
+/// 6. Results to files.
+pub mod artifacts;
+/// What a run needs of the machine.
+pub mod memory;
+
+pub use error::{Error, Fault, Place};
+pub use formats::packed::{Content, Member, Packing, left_out, packing, unpack};
+pub use formats::record::{Bytes, Format};
+pub use formats::spectrum_file::{MAX_BYTES as MAX_SPECTRUM_BYTES, SpectrumFile};
+pub use inspection::findings::{Check, Header, Inspection, Verdict};
+pub use memory::MemoryNeed;
+pub use options::{Emission, IesEdition, Options, Spectra};
+pub use rays::Input;
+pub use source::channels::Claims;
+pub use vocabulary::declaration::{Column, Declared, FluxOverride, Total};
+pub use vocabulary::limits::Limits;
+pub use vocabulary::notice::Notice;
+pub use vocabulary::space::Axis;
+pub use vocabulary::spectrum::Table;
+pub use vocabulary::units::{LengthUnit, Quantity};
+pub use vocabulary::watch::{Stage, Unwatched, Watch};
+pub use writing::Artifact;
+
+use source::Source;
+use vocabulary::watch::StageWatch;
+
+/// What a run gives back.
+#[derive(Debug)]
+pub struct Outcome {
+    /// The model itself.
+    pub model: model::Model,
+    /// The files, in the order of the zip; the zip itself is [`artifacts::zip`]'s.
+    pub artifacts: Vec<Artifact>,
+    /// Everything a user should be told, those of writing the files included.
+    pub notices: Vec<Notice>,
+}
+
+/// The whole flow. `inputs` are the ray sets of one source, in one frame.
+///
+/// # Errors
+/// [`Error`]: malformed or refused input, unusable options, cancelled by the watcher, or unreadable bytes.
+pub fn run(inputs: &[Input], options: &Options, limits: &Limits, watch: &dyn Watch) -> Result<Outcome, Error> {
+    options.validate()?;
+    let source = Source::read(inputs, &options.rays, limits, StageWatch::enter(watch, Stage::Rays)?)?;
+    let cloud = hull::cloud::emission(&source, options.hull.emission);
+    let hull = hull::wrap(&cloud, &options.hull, limits, StageWatch::enter(watch, Stage::Hull)?)?;
+    let surface = flux::project(&cloud, &hull, &options.flux, limits, StageWatch::enter(watch, Stage::Flux)?)?;
+    let goniograms = goniogram::measure(
+        &cloud,
+        &hull,
+        &surface,
+        &options.goniogram,
+        limits,
+        StageWatch::enter(watch, Stage::Goniogram)?,
+    )?;
+    let model = model::Model::new(&source, hull, surface, goniograms, StageWatch::enter(watch, Stage::Model)?)?;
+    let artifacts = artifacts::write(&model, options, StageWatch::enter(watch, Stage::Artifacts)?)?;
+    let notices = model.notices.iter().cloned().chain(artifacts::notices(&model).to_vec()).collect();
+    Ok(Outcome { model, artifacts, notices })
+}
+
+/// Judges a file by its first bytes, so that an upload need not end to be refused. `length`: its full length, where known.
+/// `Some`: so far a file of this format; `None`: too few bytes to tell.
+///
+/// # Errors
+/// [`Error::Malformed`] or [`Error::Refused`] only where the bytes at hand prove it.
+pub fn peek(prefix: &[u8], length: Option<u64>, limits: &Limits) -> Result<Option<Format>, Error> {
+    formats::peek(prefix, length, limits)
+}
+
+/// What a file says of itself; reads no ray.
+///
+/// # Errors
+/// [`Error::Malformed`], [`Error::Refused`], [`Error::Unreadable`].
+pub fn header(input: &Input, limits: &Limits) -> Result<Header, Error> {
+    inspection::header(input, limits)
+}
+
+/// Whether files can be one source, as their headers tell: what [`run`] would refuse before it reads a ray. Each file is its
+/// name, its SHA-256, what its header claims and what was declared of it.
+///
+/// # Errors
+/// [`Error::Refused`], [`Error::Unusable`], at the channel and the field.
+pub fn judge(files: &[(&str, &str, &Claims, &Declared)], total: Option<Total>) -> Result<(), Error> {
+    source::channels::judge_claims(files, total)
+}
+
+/// Most memory that [`run`] is expected to need on `threads` threads; the files by what their headers claim and what was
+/// declared of them.
+pub fn memory(files: &[(&Claims, &Declared)], options: &Options, threads: usize) -> MemoryNeed {
+    memory::estimate(files, options, threads)
+}
+
+/// Reads a spectrum file.
+///
+/// # Errors
+/// [`Error::Malformed`], [`Error::Refused`].
+pub fn spectrum(bytes: &[u8]) -> Result<SpectrumFile, Error> {
+    formats::spectrum_file::parse(bytes)
+}
+
+/// Reads a file once and tells what is in it: what users want to know before they want the model.
+///
+/// # Errors
+/// As [`header`]; [`Error::Cancelled`].
+pub fn inspect(input: &Input, limits: &Limits, watch: &dyn Watch) -> Result<Inspection, Error> {
+    inspection::inspect(input, limits, StageWatch::enter(watch, Stage::Rays)?)
+}
+
+/// Small drawings of what an inspection found, `origins.svg` and `far-field.svg`; none where no ray can be used. `name` is the
+/// file's.
+pub fn drawings(inspection: &Inspection, name: &str) -> Vec<Artifact> {
+    inspection::drawings::artifacts(inspection, name)
+}

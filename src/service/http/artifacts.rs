@@ -1,0 +1,208 @@
+//! `/v1/jobs/{id}/artifacts`: what a job gave.
+
+use super::api::Api;
+use super::extract::Path;
+use super::job::{find, href};
+use super::problem::Problem;
+use super::ranges::{Wanted, media_type, wanted};
+use crate::accounts::access::Access;
+use crate::jobs::query::StoredArtifact;
+use crate::jobs::{ZIP, query};
+use axum::Json;
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use std::ops::Range;
+use utoipa::ToSchema;
+
+/// A file a job gave.
+#[derive(Serialize, ToSchema)]
+pub struct Artifact {
+    /// Its path in the zip.
+    name: String,
+    /// Its media type.
+    media_type: String,
+    /// Its length, bytes.
+    byte_count: u64,
+    /// SHA-256 of its bytes, lower-case hex; also its entity tag.
+    sha256: String,
+    /// Where it is.
+    href: String,
+}
+
+/// The files a job gave.
+#[derive(Serialize, ToSchema)]
+pub struct ArtifactList {
+    /// In the order of the zip; empty until the job has succeeded.
+    artifacts: Vec<Artifact>,
+    /// All of them in one; null until the job has succeeded.
+    #[schema(required)]
+    zip: Option<Artifact>,
+}
+
+/// Lists a job's artifacts
+#[utoipa::path(
+    get, path = "/v1/jobs/{id}/artifacts", tag = "artifacts", operation_id = "list_artifacts",
+    params(("id" = String, Path, description = "the job")),
+    responses(
+        (status = 200, body = ArtifactList, description = "its artifacts"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+    )
+)]
+pub async fn list(
+    State(api): State<Api>,
+    access: Access,
+    Path(id): Path<String>,
+) -> Result<Json<ArtifactList>, Problem> {
+    find(&api, &access, &id).await?;
+    let rows = query::artifacts(&api.storage.records, &id).await?;
+    let artifact = |row: StoredArtifact| Artifact {
+        href: href(&id, &row.name),
+        name: row.name,
+        media_type: row.media_type,
+        byte_count: row.byte_count,
+        sha256: row.sha256,
+    };
+    let (zip, artifacts): (Vec<_>, Vec<_>) = rows.into_iter().map(artifact).partition(|row| row.name == ZIP);
+    Ok(Json(ArtifactList { artifacts, zip: zip.into_iter().next() }))
+}
+
+/// Downloads an artifact
+///
+/// Whole or in parts; the entity tag is its SHA-256. Its own media type, or application/octet-stream where `Accept` names only
+/// that.
+#[utoipa::path(
+    get, path = "/v1/jobs/{id}/artifacts/{*name}", tag = "artifacts", operation_id = "get_artifact",
+    params(
+        ("id" = String, Path, description = "the job"), ("name" = String, Path, description = "the artifact's name"),
+        ("Range" = Option<String>, Header, description = "`bytes=<first>-<last>`: one range"),
+        ("If-None-Match" = Option<String>, Header, description = "entity tags the client has"),
+        ("If-Match" = Option<String>, Header, description = "entity tags one of which it must have"),
+        ("If-Range" = Option<String>, Header, description = "the entity tag that the range is of"),
+    ),
+    responses(
+        (status = 200, content((inline(super::api::AnyFile) = "*/*"), (inline(super::api::Binary) = "application/octet-stream")), description = "its bytes", headers(("ETag" = String, description = "its SHA-256"))),
+        (status = 206, content((inline(super::api::AnyFile) = "*/*"), (inline(super::api::Binary) = "application/octet-stream")), description = "the bytes asked for", headers(("Content-Range" = String, description = "which they are"))),
+        (status = 304, description = "the client has it"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job or artifact"),
+        (status = 412, body = Problem, content_type = "application/problem+json", description = "it has another entity tag than `If-Match` names"),
+        (status = 416, body = Problem, content_type = "application/problem+json", description = "a range outside the file"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+    )
+)]
+pub async fn download(
+    State(api): State<Api>,
+    access: Access,
+    Path((id, name)): Path<(String, String)>,
+    method: Method,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    find(&api, &access, &id).await?;
+    send(&api, &id, &name, &method, &headers).await
+}
+
+/// Downloads everything in one zip
+///
+/// Whole or in parts; the entity tag is its SHA-256. Its own media type, or application/octet-stream where `Accept` names only
+/// that.
+#[utoipa::path(
+    get, path = "/v1/jobs/{id}/model.zip", tag = "artifacts", operation_id = "get_zip",
+    params(
+        ("id" = String, Path, description = "the job"),
+        ("Range" = Option<String>, Header, description = "`bytes=<first>-<last>`: one range"),
+        ("If-None-Match" = Option<String>, Header, description = "entity tags the client has"),
+        ("If-Match" = Option<String>, Header, description = "entity tags one of which it must have"),
+        ("If-Range" = Option<String>, Header, description = "the entity tag that the range is of"),
+    ),
+    responses(
+        (status = 200, content((inline(super::api::Binary) = "application/zip"), (inline(super::api::Binary) = "application/octet-stream")), description = "its bytes", headers(("ETag" = String, description = "its SHA-256"))),
+        (status = 206, content((inline(super::api::Binary) = "application/zip"), (inline(super::api::Binary) = "application/octet-stream")), description = "the bytes asked for", headers(("Content-Range" = String, description = "which they are"))),
+        (status = 304, description = "the client has it"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job, or no result yet"),
+        (status = 412, body = Problem, content_type = "application/problem+json", description = "it has another entity tag than `If-Match` names"),
+        (status = 416, body = Problem, content_type = "application/problem+json", description = "a range outside the file"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+    )
+)]
+pub async fn download_zip(
+    State(api): State<Api>,
+    access: Access,
+    Path(id): Path<String>,
+    method: Method,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    find(&api, &access, &id).await?;
+    send(&api, &id, ZIP, &method, &headers).await
+}
+
+/// Sends a file of a job that was found.
+async fn send(api: &Api, id: &str, name: &str, method: &Method, headers: &HeaderMap) -> Result<Response, Problem> {
+    let found = query::artifact_named(&api.storage.records, id, name).await?;
+    let artifact = found.ok_or_else(|| Problem::no_artifact(name))?;
+    let etag = format!("\"{}\"", artifact.sha256);
+    let (status, range) = match wanted(headers, &etag, artifact.byte_count) {
+        Wanted::Whole => (StatusCode::OK, 0..artifact.byte_count),
+        Wanted::Part(range) => (StatusCode::PARTIAL_CONTENT, range),
+        Wanted::Nothing => (StatusCode::NOT_MODIFIED, 0..0),
+        Wanted::Changed => return Err(Problem::changed(&etag)),
+        Wanted::Unsatisfiable => {
+            let content_range = [(header::CONTENT_RANGE, format!("bytes */{}", artifact.byte_count))];
+            return Ok((content_range, Problem::range_not_satisfiable(artifact.byte_count)).into_response());
+        }
+    };
+    // A HEAD is answered without touching the blob.
+    let body = match *method == Method::HEAD || range.is_empty() {
+        true => Body::empty(),
+        false => Body::from_stream(api.storage.blobs.stream(&artifact.blob, range.clone()).await?),
+    };
+    let mut response = (status, body).into_response();
+    let media_type = media_type(headers, &artifact.media_type);
+    describe(response.headers_mut(), &artifact, media_type, &etag, status, &range);
+    Ok(response)
+}
+
+fn describe(
+    headers: &mut HeaderMap,
+    artifact: &StoredArtifact,
+    media_type: &str,
+    etag: &str,
+    status: StatusCode,
+    range: &Range<u64>,
+) {
+    let mut set = |name, value: String| {
+        // Only our own names and numbers: always a legal header.
+        if let Ok(value) = HeaderValue::try_from(value) {
+            headers.insert(name, value);
+        }
+    };
+    set(header::ETAG, etag.to_owned());
+    // What has this name under this job never changes, but the job may be deleted: ask again, cheaply.
+    set(header::CACHE_CONTROL, "private, no-cache".into());
+    if status == StatusCode::NOT_MODIFIED {
+        return;
+    }
+    set(header::ACCEPT_RANGES, "bytes".into());
+    set(header::CONTENT_TYPE, media_type.to_owned());
+    set(header::VARY, "accept".into());
+    set(header::CONTENT_LENGTH, (range.end - range.start).to_string());
+    set(header::CONTENT_DISPOSITION, disposition(&artifact.name, &artifact.media_type));
+    if status == StatusCode::PARTIAL_CONTENT {
+        let (start, end) = (range.start, range.end.saturating_sub(1));
+        set(header::CONTENT_RANGE, format!("bytes {start}-{end}/{}", artifact.byte_count));
+    }
+}
+
+/// A drawing is shown where it is asked for, any other file is kept.
+pub fn disposition(name: &str, media_type: &str) -> String {
+    let kind = if media_type == "image/svg+xml" { "inline" } else { "attachment" };
+    format!("{kind}; filename=\"{}\"", file_name(name))
+}
+
+/// The last part of a name, without what a quoted string may not hold.
+fn file_name(name: &str) -> String {
+    let last = name.rsplit('/').next().unwrap_or(name);
+    last.chars().map(|c| if c.is_ascii_graphic() && c != '"' && c != '\\' { c } else { '_' }).collect()
+}

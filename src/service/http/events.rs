@@ -1,0 +1,235 @@
+//! How clients hear of a job instead of asking again and again: a long poll, and a stream of server-sent events.
+
+use super::addresses;
+use super::api::Api;
+use super::extract::Path;
+use super::job::{Job, find, overall, stages};
+use super::problem::Problem;
+use crate::accounts::access::Access;
+use crate::forwarded::Prefix;
+use crate::jobs::query::Standing;
+use crate::jobs::watcher::Watching;
+use crate::jobs::{State as JobState, query};
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::{IntoResponse, Response};
+use futures::{Stream, stream};
+use pipeline::Stage;
+use serde::{Deserialize, Serialize};
+use std::convert::Infallible;
+use std::pin::Pin;
+use std::time::Duration;
+use tokio::time::{Sleep, sleep};
+use utoipa::ToSchema;
+
+/// Longest wait, s: what stands between a client and this service rarely lets a connection rest for longer.
+const MAX_WAIT_S: u32 = 60;
+/// A stream that has nothing to tell says so this often, so that nobody takes its connection for dead.
+const KEEP_ALIVE: Duration = Duration::from_secs(15);
+/// When a client whose stream broke asks again.
+const RETRY: Duration = Duration::from_secs(2);
+/// Longest stream; then the client asks again, with a key that still has to open something.
+const LONGEST: Duration = Duration::from_hours(1);
+/// The id of the last event: who has seen it is told that there is no more.
+const ENDED: &str = "ended";
+
+/// How long to wait for a change.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct Waiting {
+    /// Answer when the state is another than now, or after so many seconds.
+    #[param(minimum = 0, maximum = 60, default = 0)]
+    #[serde(default)]
+    wait: u32,
+}
+
+impl Waiting {
+    /// Whether the answer is wanted at once.
+    pub fn is_none(&self) -> bool {
+        self.wait == 0
+    }
+
+    /// The longest wait that was asked for.
+    ///
+    /// # Errors
+    /// [`Problem`]: out of range.
+    pub fn longest(&self) -> Result<Duration, Problem> {
+        match self.wait {
+            0..=MAX_WAIT_S => Ok(Duration::from_secs(self.wait.into())),
+            _ => Err(Problem::out_of_range("wait", "a whole number of seconds from 0 to 60")),
+        }
+    }
+}
+
+/// Resolves when the state of `job` is another, after `wait`, or when the service stops.
+///
+/// # Errors
+/// Too many clients wait.
+pub async fn changed(api: &Api, access: &Access, job: &query::Job, wait: Duration) -> Result<(), Problem> {
+    let mut watching = watch(api, access, job)?;
+    let change = async { while watching.next().await.is_some_and(|now| now.state == job.state) {} };
+    tokio::select! {
+        () = change => {}
+        () = sleep(wait) => {}
+        () = api.draining.cancelled() => {}
+    }
+    Ok(())
+}
+
+fn watch(api: &Api, access: &Access, job: &query::Job) -> Result<Watching, Problem> {
+    api.watcher.watch(&access.tenant, &job.id, Standing::from(job)).ok_or_else(Problem::busy)
+}
+
+/// How far a job is: the data of the event `progress`.
+#[derive(Serialize, ToSchema)]
+pub struct JobProgress {
+    /// Where it is.
+    state: JobState,
+    /// How often it was begun.
+    attempt: u32,
+    /// The stage it is in; null before the first.
+    #[schema(required)]
+    stage: Option<&'static str>,
+    /// How much of that stage is done, 0 to 1.
+    #[schema(minimum = 0, maximum = 1)]
+    fraction: f64,
+    /// How much of the whole is done, 0 to 1.
+    #[schema(minimum = 0, maximum = 1)]
+    progress: f64,
+    /// Place in the queue from 1, while queued.
+    #[schema(required)]
+    queue_position: Option<u64>,
+}
+
+impl From<Standing> for JobProgress {
+    fn from(Standing { state, attempt, stage, stage_progress, queue_position }: Standing) -> JobProgress {
+        JobProgress {
+            state,
+            attempt,
+            stage: stage.map(Stage::name),
+            fraction: stage_progress,
+            progress: overall(&stages(stage, stage_progress)),
+            queue_position,
+        }
+    }
+}
+
+/// One event of the stream, by its fields.
+#[derive(ToSchema)]
+#[expect(dead_code, reason = "says what is written as text")]
+struct JobEvent {
+    /// `progress`, `ended` or `gone`.
+    event: String,
+    /// What to send as `Last-Event-ID` when the stream breaks after it.
+    id: String,
+    /// JSON: JobProgress, Job or Problem.
+    data: String,
+}
+
+/// Tells of a job as it changes
+///
+/// Server-sent events: `progress` (data: JobProgress) at once and whenever it changes; at the end one `ended` (data: Job), or `gone`
+/// (data: Problem) when somebody has deleted the job, and nothing after it. Who asks again gets the present state; with the
+/// `Last-Event-ID` of the last event, 204: there is no more.
+#[utoipa::path(
+    get, path = "/v1/jobs/{id}/events", tag = "jobs", operation_id = "watch_job",
+    params(
+        ("id" = String, Path, description = "the job"),
+        ("Last-Event-ID" = Option<String>, Header, description = "the id of the last event that came before the stream broke"),
+    ),
+    responses(
+        (status = 200, body = JobEvent, content_type = "text/event-stream", description = "the events"),
+        (status = 204, description = "the client has seen the last one"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "too many clients that wait, stopping, or a store that does not answer"),
+    )
+)]
+pub async fn events(
+    State(api): State<Api>,
+    access: Access,
+    Path(id): Path<String>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let job = find(&api, &access, &id).await?;
+    let seen_all = headers.get("last-event-id").is_some_and(|last| last == ENDED);
+    if job.state.ended() && seen_all {
+        return Ok(StatusCode::NO_CONTENT.into_response());
+    }
+    if api.draining.is_cancelled() {
+        return Err(Problem::draining());
+    }
+    let watching = watch(&api, &access, &job)?;
+    let first = Some(Standing::from(&job));
+    let (prefix, longest) = (addresses::prefix(), Box::pin(sleep(LONGEST)));
+    let telling = Telling { api, access, id, prefix, watching, first, over: false, longest };
+    let mut response = Sse::new(telling.stream()).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)).into_response();
+    let told = response.headers_mut();
+    told.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+    // Proxies of nginx' kind collect an answer before they pass it on, unless told.
+    told.insert(HeaderName::from_static("x-accel-buffering"), HeaderValue::from_static("no"));
+    Ok(response)
+}
+
+/// One stream of events.
+struct Telling {
+    api: Api,
+    access: Access,
+    id: String,
+    /// What its links begin with.
+    prefix: Prefix,
+    watching: Watching,
+    /// What is told before anything changes.
+    first: Option<Standing>,
+    over: bool,
+    longest: Pin<Box<Sleep>>,
+}
+
+impl Telling {
+    fn stream(self) -> impl Stream<Item = Result<Event, Infallible>> {
+        stream::unfold(self, async |mut telling| Some((Ok(telling.next().await?), telling)))
+    }
+
+    /// The next event; `None` after the last, when the service stops, and when the stream has lasted long enough.
+    async fn next(&mut self) -> Option<Event> {
+        if self.over {
+            return None;
+        }
+        let standing = match self.first.take() {
+            Some(first) => Some(first),
+            None => tokio::select! {
+                standing = self.watching.next() => standing,
+                () = self.api.draining.cancelled() => return None,
+                () = &mut self.longest => return None,
+            },
+        };
+        match standing {
+            Some(standing) if !standing.state.ended() => progress(standing),
+            _ => self.last().await,
+        }
+    }
+
+    /// The last event: the whole job, or that it is gone.
+    async fn last(&mut self) -> Option<Event> {
+        self.over = true;
+        match find(&self.api, &self.access, &self.id).await {
+            Ok(job) => self.ended(job).await,
+            Err(problem) if problem.status == 404 => Event::default().event("gone").id(ENDED).json_data(problem).ok(),
+            // The client asks again, and a store that answers by then has it.
+            Err(_) => None,
+        }
+    }
+
+    /// The whole job, with links as the client that asked for the stream writes them.
+    async fn ended(&self, job: query::Job) -> Option<Event> {
+        let job = addresses::within(self.prefix.clone(), async { Job::from(job) }).await;
+        Event::default().event("ended").id(ENDED).json_data(job).ok()
+    }
+}
+
+fn progress(standing: Standing) -> Option<Event> {
+    let stage = standing.stage.map_or("none", Stage::name);
+    let id = format!("{}.{}.{stage}.{:.4}", standing.attempt, standing.state.name(), standing.stage_progress);
+    Event::default().event("progress").id(id).retry(RETRY).json_data(JobProgress::from(standing)).ok()
+}

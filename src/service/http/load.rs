@@ -1,0 +1,145 @@
+//! How many requests are let in at once, how long they may take, and whether there is room for what they bring.
+
+use super::api::Api;
+use super::events::Waiting;
+use super::openapi::{can_fail, operations};
+use super::problem::Problem;
+use axum::BoxError;
+use axum::body::Body;
+use axum::error_handling::HandleErrorLayer;
+use axum::extract::{Query, Request};
+use axum::http::{Uri, header};
+use axum::middleware::{Next, from_fn};
+use axum::response::IntoResponse;
+use bytes::Bytes;
+use futures::StreamExt;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::Semaphore;
+use tokio::task::yield_now;
+use tokio::time::timeout;
+use tower::ServiceBuilder;
+use tower::limit::GlobalConcurrencyLimitLayer;
+use tower::load_shed::LoadShedLayer;
+use tower::load_shed::error::Overloaded;
+use tower::timeout::TimeoutLayer;
+use tower::timeout::error::Elapsed;
+use utoipa_axum::router::OpenApiRouter;
+
+/// Longest time until a response begins; an upload's is bounded by its pace, not its length.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// After so many bytes of a body, other requests get their turn. A sender on a fast network is never waited for: what is done with
+/// its bytes would keep a thread, and all who wait for it, for as long as the system has more of them.
+const TURN_BYTES: usize = 128 << 10;
+
+/// At most as many requests to these routes together as there are `places`; one more is told to come back.
+pub fn admit(routes: OpenApiRouter<Api>, places: &Arc<Semaphore>) -> OpenApiRouter<Api> {
+    let layers = ServiceBuilder::new()
+        .layer(HandleErrorLayer::new(refused))
+        .layer(LoadShedLayer::new())
+        .layer(GlobalConcurrencyLimitLayer::with_semaphore(Arc::clone(places)));
+    routes.layer(layers)
+}
+
+/// Whether a request asks to wait; what cannot be read waits for nothing.
+fn waits(uri: &Uri) -> bool {
+    Query::<Waiting>::try_from_uri(uri).is_ok_and(|Query(waiting)| !waiting.is_none())
+}
+
+/// As [`admit`] and [`patient`], but for requests that wait for something to happen (`?wait=`): whoever watches it bounds those,
+/// and they keep nobody else from asking.
+pub fn admit_but_waiting(routes: OpenApiRouter<Api>, places: &Arc<Semaphore>) -> OpenApiRouter<Api> {
+    let places = Arc::clone(places);
+    routes.layer(from_fn(move |request: Request, next: Next| {
+        let places = Arc::clone(&places);
+        async move {
+            if waits(request.uri()) {
+                return next.run(request).await;
+            }
+            let Ok(_place) = places.try_acquire() else { return Problem::busy().into_response() };
+            match timeout(PATIENCE, next.run(request)).await {
+                Ok(response) => response,
+                Err(_) => Problem::timeout().into_response(),
+            }
+        }
+    }))
+}
+
+/// No request to these routes takes longer than [`PATIENCE`] to begin its response.
+pub fn patient(mut routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
+    for operation in operations(&mut routes.get_openapi_mut().paths) {
+        can_fail(operation, "504", "the answer took too long");
+    }
+    routes.layer(ServiceBuilder::new().layer(HandleErrorLayer::new(refused)).layer(TimeoutLayer::new(PATIENCE)))
+}
+
+/// Says in the contract that these routes write, and that what they write may find no room.
+pub fn can_be_full(mut routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
+    for operation in operations(&mut routes.get_openapi_mut().paths) {
+        can_fail(operation, "507", "no room for more");
+    }
+    routes
+}
+
+/// Requests to these routes write rows: while there is less room than is kept free they are refused, and what makes room is not.
+pub fn roomy(routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
+    can_be_full(routes).layer(from_fn(|request: Request, next: Next| async move {
+        match request.extensions().get::<Api>().map(|api| api.space.has_room_for(0)) {
+            Some(true) => next.run(request).await,
+            Some(false) => Problem::low_space().into_response(),
+            None => Problem::internal().into_response(),
+        }
+    }))
+}
+
+/// Bodies sent to these routes are kept: they need room, and are counted as they come.
+pub fn kept(routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
+    can_be_full(routes).layer(from_fn(|request: Request, next: Next| async move {
+        match room(request) {
+            Ok(request) => next.run(request).await,
+            Err(problem) => problem.into_response(),
+        }
+    }))
+}
+
+fn room(request: Request) -> Result<Request, Problem> {
+    let Some(api) = request.extensions().get::<Api>().cloned() else { return Err(Problem::internal()) };
+    let announced = request.headers().get(header::CONTENT_LENGTH).and_then(|bytes| bytes.to_str().ok()?.parse().ok());
+    if !api.space.has_room_for(announced.unwrap_or(0)) {
+        return Err(Problem::low_space());
+    }
+    let (at_hand, metrics) = (api.metrics.upload(), api.metrics.clone());
+    Ok(request.map(|body| {
+        let mut since_turn = 0;
+        let counted = body.into_data_stream().then(move |piece| {
+            // The upload is at hand as long as its body is.
+            let _at_hand = &at_hand;
+            let count = piece.as_ref().map_or(0, |bytes: &Bytes| bytes.len());
+            metrics.upload_bytes(count as u64);
+            since_turn += count;
+            let is_over = since_turn >= TURN_BYTES;
+            if is_over {
+                since_turn = 0;
+            }
+            async move {
+                if is_over {
+                    yield_now().await;
+                }
+                piece
+            }
+        });
+        Body::from_stream(counted)
+    }))
+}
+
+async fn refused(error: BoxError) -> Problem {
+    if error.is::<Overloaded>() {
+        Problem::busy()
+    } else if error.is::<Elapsed>() {
+        Problem::timeout()
+    } else {
+        tracing::error!(%error, "a layer failed");
+        Problem::internal()
+    }
+}

@@ -1,0 +1,302 @@
+//! Every route, in one list, and what stands before them.
+
+/// What handlers take from a request.
+pub mod extract;
+/// Keys and scopes before a route.
+pub mod authorize;
+/// Headers that change what a request means.
+pub mod headers;
+/// How much is let in at once.
+pub mod load;
+/// Errors as clients see them.
+pub mod problem;
+/// Under which address a request came.
+pub mod addresses;
+/// Answers that are sent compressed.
+mod compression;
+/// Conditional and partial requests.
+pub mod ranges;
+/// Ray files.
+pub mod ray_sets;
+/// Ray files that come in several requests.
+pub mod uploads;
+/// What their requests and answers are made of.
+pub mod tus;
+/// Ray files from elsewhere.
+pub mod fetch;
+/// The queries that files are sent with.
+pub mod upload_request;
+/// Spectra of channels.
+pub mod spectra;
+/// What is to be computed.
+pub mod jobs;
+/// How a job is asked for.
+pub mod submission;
+/// How clients hear of it.
+pub mod events;
+/// What a job gave.
+pub mod artifacts;
+/// Who is told that jobs have ended.
+pub mod webhooks;
+/// What they were told.
+pub mod deliveries;
+/// Whether the service lives and works.
+pub mod health;
+/// Whether the stores work.
+pub mod readiness;
+/// Numbers for who watches over it.
+pub mod metrics;
+/// What it says of every route.
+pub mod openapi;
+/// The contract, for programs and for people.
+pub mod docs;
+/// A job as its clients see it.
+mod job;
+/// What every handler of a request can use.
+pub mod api;
+
+use crate::accounts::access::Scope;
+use crate::forwarded::Peer;
+use crate::jobs::outbox::EndedJob;
+use crate::webhooks::Message;
+use api::Api;
+use authorize::{RATE_LIMIT, RATE_LIMIT_POLICY, needs, needs_one_of, needs_only};
+use axum::extract::Request;
+use axum::http::{HeaderName, HeaderValue, Method, StatusCode, Uri, header};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use axum::{Extension, Router, middleware};
+use load::{admit, admit_but_waiting, can_be_full, kept, patient, roomy};
+use problem::Problem;
+use std::any::Any;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::Semaphore;
+use tower::ServiceBuilder;
+use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::classify::ServerErrorsFailureClass;
+use tower_http::cors::{AllowHeaders, AllowOrigin, CorsLayer};
+use tower_http::request_id::{MakeRequestId, PropagateRequestIdLayer, RequestId, SetRequestIdLayer};
+use tower_http::set_header::SetResponseHeaderLayer;
+use tower_http::trace::TraceLayer;
+use utoipa::OpenApi as _;
+use utoipa::openapi::OpenApi;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+/// Names a request in its response and in the log.
+pub const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
+
+/// Uploads at once: each holds a part in memory.
+const UPLOADS: usize = 16;
+/// Files fetched at once.
+const INGESTS: usize = 8;
+/// Reads at once.
+const READS: usize = 256;
+/// How long a browser may remember what a page of another origin may do.
+const CORS_MEMORY: Duration = Duration::from_mins(10);
+
+#[derive(utoipa::OpenApi)]
+#[openapi(
+    info(
+        title = "Lampwright",
+        description = "Turns a light source's ray file into a continuous source model. Upload a ray file, queue a job, download what it gives. Every error is `application/problem+json` (RFC 9457) with a stable `code`.",
+        license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0"),
+    ),
+    tags(
+        (name = "ray sets", description = "Ray files, as they came"),
+        (name = "uploads", description = "Ray files that come in several requests: tus 1.0.0"),
+        (name = "spectra", description = "Spectra of channels, from files of their own"),
+        (name = "jobs", description = "What is to be computed, how far it is, and why it failed"),
+        (name = "artifacts", description = "What a job gave"),
+        (name = "webhooks", description = "Who is told that jobs have ended"),
+        (name = "health", description = "Whether the service lives and works"),
+    ),
+    components(schemas(events::JobProgress, Message<EndedJob>)),
+)]
+struct Contract;
+
+/// Every route of the contract, and the scope a key needs for it.
+fn routes() -> OpenApiRouter<Api> {
+    use Scope::{JobsRead, JobsWrite, UploadsRead, UploadsWrite, WebhooksRead, WebhooksWrite};
+    let uploads = OpenApiRouter::new()
+        .routes(needs(UploadsWrite, routes!(ray_sets::upload)))
+        .routes(needs(UploadsWrite, routes!(uploads::create)))
+        .routes(needs(UploadsWrite, routes!(uploads::append)));
+    let spectra = OpenApiRouter::new().routes(needs(UploadsWrite, routes!(spectra::upload)));
+    let ingests = OpenApiRouter::new().routes(needs(UploadsWrite, routes!(fetch::ingest)));
+    let reads = OpenApiRouter::new()
+        .routes(needs(UploadsRead, routes!(ray_sets::list)))
+        .routes(needs(UploadsRead, routes!(ray_sets::get)))
+        .routes(needs(UploadsRead, routes!(ray_sets::origins)))
+        .routes(needs(UploadsRead, routes!(ray_sets::far_field)))
+        .routes(needs_one_of(&[UploadsRead, UploadsWrite], routes!(uploads::list)))
+        .routes(needs_one_of(&[UploadsRead, UploadsWrite], routes!(uploads::get)))
+        .routes(needs_one_of(&[UploadsRead, UploadsWrite], routes!(uploads::offset)))
+        .routes(needs(UploadsRead, routes!(spectra::list)))
+        .routes(needs(UploadsRead, routes!(spectra::get)))
+        .routes(needs(JobsRead, routes!(jobs::list)))
+        .routes(needs(JobsRead, routes!(artifacts::list)))
+        .routes(needs(JobsRead, routes!(artifacts::download)))
+        .routes(needs(JobsRead, routes!(artifacts::download_zip)))
+        .routes(needs(WebhooksRead, routes!(webhooks::list)))
+        .routes(needs(WebhooksRead, routes!(webhooks::get)))
+        .routes(needs(WebhooksRead, routes!(deliveries::list)));
+    // What only writes rows; what makes room is with the relief.
+    let writes = OpenApiRouter::new()
+        .routes(needs(JobsWrite, routes!(submission::create)))
+        .routes(needs(WebhooksWrite, routes!(webhooks::create)))
+        .routes(needs(WebhooksWrite, routes!(webhooks::change)))
+        .routes(needs(WebhooksWrite, routes!(webhooks::rotate)))
+        .routes(needs(WebhooksWrite, routes!(deliveries::ping)))
+        .routes(needs(WebhooksWrite, routes!(deliveries::redeliver)));
+    let waits = OpenApiRouter::new().routes(needs(JobsRead, routes!(jobs::get)));
+    // Bounded by the watcher for as long as they last.
+    let streams = OpenApiRouter::new().routes(needs(JobsRead, routes!(events::events)));
+    // Always admitted: a full service must still be told to do less, and say that it lives.
+    let relief = OpenApiRouter::new()
+        .routes(needs_only(UploadsWrite, routes!(ray_sets::delete)))
+        .routes(needs_only(UploadsWrite, routes!(uploads::delete)))
+        .routes(needs_only(UploadsWrite, routes!(spectra::delete)))
+        .routes(needs_only(WebhooksWrite, routes!(webhooks::delete)))
+        .routes(needs_only(JobsWrite, routes!(job::cancel)))
+        .routes(needs_only(JobsWrite, routes!(jobs::delete)));
+    let places = |at_once| Arc::new(Semaphore::new(at_once));
+    let reading = places(READS);
+    OpenApiRouter::with_openapi(Contract::openapi())
+        .merge(admit(kept(uploads), &places(UPLOADS)))
+        .merge(admit(roomy(ingests), &places(INGESTS)))
+        .merge(admit(patient(kept(spectra)), &places(UPLOADS)))
+        .merge(admit(patient(reads), &reading))
+        .merge(admit(patient(roomy(writes)), &reading))
+        .merge(admit_but_waiting(waits, &reading))
+        .merge(patient(streams))
+        .merge(patient(watch().merge(can_be_full(relief))))
+}
+
+/// For whoever watches over the service; every process has these.
+fn watch() -> OpenApiRouter<Api> {
+    OpenApiRouter::new()
+        .routes(headers::honoured(routes!(health::live)))
+        .routes(headers::honoured(routes!(health::ready)))
+        .routes(needs_only(Scope::MetricsRead, routes!(metrics::text)))
+}
+
+/// The service's face.
+pub fn router(api: Api) -> Router {
+    let (router, _) = routes().split_for_parts();
+    let router = router
+        .route("/openapi.json", get(docs::contract))
+        .route("/", get(docs::front))
+        .route("/docs", get(docs::index))
+        .route("/docs/", get(docs::first_page))
+        .route("/docs/{*path}", get(docs::file));
+    dressed(router, api)
+}
+
+/// The face of a process that only computes: whether it is well, and its numbers.
+pub fn health_router(api: Api) -> Router {
+    dressed(patient(watch()).split_for_parts().0, api)
+}
+
+/// What stands before every route.
+fn dressed(router: Router<Api>, api: Api) -> Router {
+    let layers = ServiceBuilder::new()
+        .layer(SetRequestIdLayer::new(REQUEST_ID, NewRequestId))
+        .layer(TraceLayer::new_for_http().make_span_with(span).on_failure(failed))
+        .layer(PropagateRequestIdLayer::new(REQUEST_ID))
+        .layer(middleware::from_fn(compression::tagged))
+        .layer(compression::layer())
+        .layer(default_header(header::X_CONTENT_TYPE_OPTIONS, "nosniff"))
+        .layer(default_header(header::CONTENT_SECURITY_POLICY, "default-src 'none'; frame-ancestors 'none'; sandbox"))
+        .layer(default_header(header::REFERRER_POLICY, "no-referrer"))
+        .layer(default_header(HeaderName::from_static("cross-origin-resource-policy"), "same-origin"))
+        .layer(default_header(header::CACHE_CONTROL, "no-store"))
+        .layer(middleware::from_fn_with_state(api.clone(), addresses::known))
+        .layer(middleware::from_fn_with_state(api.clone(), tus::speak))
+        .option_layer(pages_from(&api.origins))
+        .layer(Extension(api.clone()))
+        .layer(middleware::from_fn_with_state(api.clone(), metrics::counted))
+        .layer(CatchPanicLayer::custom(panicked));
+    let routes = router
+        .fallback(async |uri: Uri| Problem::no_route(uri.path()))
+        .method_not_allowed_fallback(async |method: Method| Problem::method_not_allowed(method.as_str()))
+        .layer(layers)
+        .with_state(api);
+    // What stands around a router stands before it has chosen a route.
+    let before = ServiceBuilder::new()
+        .layer(middleware::map_request(addresses::without_slash))
+        .layer(middleware::map_request(tus::meant));
+    Router::new().fallback_service(routes).layer(before)
+}
+
+/// The contract as it is committed: `openapi/openapi.json`.
+pub fn openapi() -> String {
+    let mut contract: OpenApi = routes().split_for_parts().1;
+    authorize::document_scheme(&mut contract);
+    openapi::complete(&mut contract);
+    let mut text = contract.to_pretty_json().unwrap_or_default();
+    text.push('\n');
+    text
+}
+
+fn panicked(payload: Box<dyn Any + Send>) -> Response {
+    let text = payload.downcast_ref::<String>().map(String::as_str);
+    let text = text.or_else(|| payload.downcast_ref::<&str>().copied()).unwrap_or("no message");
+    tracing::error!(panic = text, "a handler panicked");
+    Problem::internal().into_response()
+}
+
+fn default_header(name: HeaderName, value: &'static str) -> SetResponseHeaderLayer<HeaderValue> {
+    SetResponseHeaderLayer::if_not_present(name, HeaderValue::from_static(value))
+}
+
+/// What every log line of a request carries; tenant and key once they are known.
+fn span(request: &Request) -> tracing::Span {
+    let id = request.headers().get(REQUEST_ID).and_then(|id| id.to_str().ok()).unwrap_or_default();
+    let peer = request.extensions().get::<Peer>().map(|peer| tracing::field::display(*peer));
+    let (method, path) = (request.method(), request.uri().path());
+    let (tenant, key) = (tracing::field::Empty, tracing::field::Empty);
+    tracing::info_span!("request", %method, path, id, peer, tenant, key)
+}
+
+/// Logs an answer with a status of 5xx. 503 and 507 refuse what may succeed later: the service stops, is busy or has no room, or a store
+/// does not answer, which is logged as an error where it is found.
+fn failed(failure: ServerErrorsFailureClass, took: Duration, _: &tracing::Span) {
+    match failure {
+        ServerErrorsFailureClass::StatusCode(
+            status @ (StatusCode::SERVICE_UNAVAILABLE | StatusCode::INSUFFICIENT_STORAGE),
+        ) => tracing::warn!(%status, ?took, "a request was refused that may succeed later"),
+        failure => tracing::error!(%failure, ?took, "a request failed"),
+    }
+}
+
+/// What pages of other origins may do, if any may.
+fn pages_from(origins: &[String]) -> Option<CorsLayer> {
+    let known: Vec<HeaderValue> = origins.iter().filter_map(|origin| HeaderValue::from_str(origin).ok()).collect();
+    let methods = [Method::GET, Method::HEAD, Method::POST, Method::PATCH, Method::PUT, Method::DELETE];
+    let seen = [
+        header::LOCATION,
+        header::ETAG,
+        header::RETRY_AFTER,
+        header::CONTENT_RANGE,
+        header::CONTENT_DISPOSITION,
+        RATE_LIMIT,
+        RATE_LIMIT_POLICY,
+        REQUEST_ID,
+    ];
+    let layer = CorsLayer::new().allow_origin(AllowOrigin::list(known)).allow_methods(methods);
+    let seen: Vec<HeaderName> = seen.into_iter().chain(tus::SEEN).collect();
+    let layer = layer.allow_headers(AllowHeaders::mirror_request()).expose_headers(seen).max_age(CORS_MEMORY);
+    (!origins.is_empty()).then_some(layer)
+}
+
+/// A fresh name for every request that comes without one.
+#[derive(Clone, Copy)]
+struct NewRequestId;
+
+impl MakeRequestId for NewRequestId {
+    fn make_request_id<B>(&mut self, _request: &axum::http::Request<B>) -> Option<RequestId> {
+        HeaderValue::try_from(crate::storage::keys::new_id()).ok().map(RequestId::new)
+    }
+}

@@ -1,0 +1,469 @@
+//! Errors as clients see them (RFC 9457): the one place where an error becomes a status code.
+
+/// What can go wrong with an upload that is to be resumed.
+mod uploads;
+/// Problems of what is elsewhere.
+mod elsewhere;
+/// Headers that are not honoured.
+mod headers;
+/// Problems of stores, of files and of ourselves, told apart.
+mod causes;
+
+pub use uploads::refusal_of;
+
+use crate::accounts::keys::Refusal;
+use crate::accounts::quota::Exceeded;
+use crate::failure::Failure;
+use crate::jobs::memory_budget::TooLarge;
+use crate::jobs::{State, queue};
+use crate::ray_sets;
+use axum::Json;
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::num::NonZeroU32;
+use std::time::Duration;
+use utoipa::ToSchema;
+
+/// The media type of every error.
+pub const MEDIA_TYPE: &str = "application/problem+json";
+/// When to ask again for a place in a full queue, s: jobs take about that long.
+const QUEUE_WAIT_S: u32 = 10;
+/// Files of a packed file that a problem names.
+const NAMED: usize = 20;
+
+/// What went wrong (RFC 9457).
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Problem {
+    /// `urn:lampwright:problem:<code>`.
+    #[serde(rename = "type")]
+    #[schema(value_type = String)]
+    pub kind: Box<str>,
+    /// The kind of problem, for a person.
+    pub title: Cow<'static, str>,
+    /// The HTTP status.
+    #[schema(minimum = 400, maximum = 599)]
+    pub status: u16,
+    /// What was found.
+    #[schema(value_type = String)]
+    pub detail: Box<str>,
+    /// Stable: programs may depend on it.
+    pub code: Cow<'static, str>,
+    /// Where: "byte 20", "options.hull.resolution", a path in the body.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = String, required = false)]
+    pub at: Option<Box<str>>,
+    /// What to do.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = String, required = false)]
+    pub remedy: Option<Box<str>>,
+    /// When to ask again, s: the header `Retry-After`.
+    #[serde(skip)]
+    pub retry_after_s: Option<NonZeroU32>,
+}
+
+/// What to do where a body is not the file that was meant: this call sends nothing but its bytes.
+pub const SEND_THE_FILE: &str = "Send the file itself as the body, as curl -X POST -T FILE URL does.";
+
+impl Problem {
+    fn new(
+        status: StatusCode,
+        code: impl Into<Cow<'static, str>>,
+        title: impl Into<Cow<'static, str>>,
+        detail: impl Into<String>,
+    ) -> Problem {
+        let (code, title) = (code.into(), title.into());
+        let kind = format!("urn:lampwright:problem:{code}").into();
+        let retry_after_s = (status == StatusCode::SERVICE_UNAVAILABLE).then_some(NonZeroU32::MIN);
+        let (status, detail) = (status.as_u16(), detail.into().into());
+        Problem { kind, title, status, detail, code, at: None, remedy: None, retry_after_s }
+    }
+
+    fn at(self, at: impl Into<String>) -> Problem {
+        Problem { at: Some(at.into().into()), ..self }
+    }
+
+    fn remedy(self, remedy: impl Into<String>) -> Problem {
+        Problem { remedy: Some(remedy.into().into()), ..self }
+    }
+
+    fn of(status: StatusCode, failure: Failure) -> Problem {
+        let problem = Problem::new(status, failure.code, failure.title, failure.detail);
+        Problem { at: failure.at.map(Into::into), remedy: failure.remedy.map(Into::into), ..problem }
+    }
+
+    /// No route has this path.
+    pub fn no_route(path: &str) -> Problem {
+        Problem::new(StatusCode::NOT_FOUND, "request.not_found", "No such address", format!("Nothing is at {path}."))
+            .remedy("See /docs.")
+    }
+
+    /// The path is there, the method is not; `Allow` names those that are.
+    pub fn method_not_allowed(method: &str) -> Problem {
+        let status = StatusCode::METHOD_NOT_ALLOWED;
+        Problem::new(
+            status,
+            "request.method_not_allowed",
+            "Method not allowed",
+            format!("{method} is not possible here."),
+        )
+        .remedy("See the Allow header.")
+    }
+
+    /// The path is not UTF-8.
+    pub fn malformed_path(detail: impl Into<String>) -> Problem {
+        Problem::new(StatusCode::BAD_REQUEST, "request.malformed_path", "The address is malformed", detail)
+    }
+
+    /// A header is not what it should be.
+    pub fn malformed_header(name: &str, detail: &str) -> Problem {
+        Problem::new(StatusCode::BAD_REQUEST, "request.malformed_header", "A header is malformed", detail).at(name)
+    }
+
+    /// The body is of the wrong kind.
+    pub fn media_type(detail: impl Into<String>, remedy: &str) -> Problem {
+        let status = StatusCode::UNSUPPORTED_MEDIA_TYPE;
+        Problem::new(status, "request.media_type", "Unsupported media type", detail).remedy(remedy)
+    }
+
+    /// A body larger than its route takes.
+    pub fn body_too_large(limit: u64) -> Problem {
+        let detail = format!("The body has more than {limit} bytes.");
+        Problem::new(StatusCode::PAYLOAD_TOO_LARGE, "request.body_too_large", "The body is too large", detail)
+    }
+
+    /// The body stopped short.
+    pub fn body_truncated() -> Problem {
+        let detail = "The body ended before its announced end.";
+        Problem::new(StatusCode::BAD_REQUEST, "upload.truncated", "The body is incomplete", detail)
+            .remedy("Send it again.")
+    }
+
+    /// The body is not JSON.
+    pub fn malformed_json(detail: impl Into<String>) -> Problem {
+        Problem::new(StatusCode::BAD_REQUEST, "request.malformed_json", "The body is not JSON", detail)
+    }
+
+    /// JSON or query of the wrong shape: `path` is where, `found` is serde's sentence, which is where the kinds differ.
+    pub fn wrong_shape(path: &str, found: &str) -> Problem {
+        let (code, title) = if found.starts_with("unknown field") {
+            ("request.unknown_field", "Unknown field")
+        } else if found.starts_with("missing field") {
+            ("request.missing_field", "Missing field")
+        } else {
+            ("request.wrong_type", "Wrong value")
+        };
+        Problem::new(StatusCode::UNPROCESSABLE_ENTITY, code, title, format!("{found}.")).at(path)
+    }
+
+    /// A text that PostgreSQL cannot keep.
+    pub fn null_character(path: &str) -> Problem {
+        let detail = "the character U+0000, which no text may hold.";
+        Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "request.null_character", "Unusable text", detail).at(path)
+    }
+
+    /// A value of the right type and outside its range.
+    pub fn out_of_range(path: &str, must: &str) -> Problem {
+        let detail = format!("{path} must be {must}.");
+        Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "request.out_of_range", "Out of range", detail).at(path)
+    }
+
+    /// No such drawing.
+    pub fn no_drawing(name: &str) -> Problem {
+        let detail = format!("The ray set has no {name}.");
+        Problem::new(StatusCode::NOT_FOUND, "drawing.not_found", "No such drawing", detail)
+            .remedy("Files without usable rays, and those taken in before there were inspections, have none.")
+    }
+
+    /// A packed file without a ray file.
+    fn no_ray_file(left_out: &[ray_sets::LeftOut]) -> Problem {
+        let mut detail = "There is no ray file in the packed file.".to_owned();
+        for file in left_out.iter().take(NAMED) {
+            detail += &format!(" {:?} ({}): {}", file.name, file.code, file.detail);
+        }
+        if left_out.len() > NAMED {
+            detail += &format!(" And {} more.", left_out.len() - NAMED);
+        }
+        let status = StatusCode::UNPROCESSABLE_ENTITY;
+        Problem::new(status, "container.no_ray_file", "No ray file in the packed file", detail)
+            .remedy("Send the ray file itself, or packed with gzip, zstd or zip.")
+    }
+
+    /// No such artifact.
+    pub fn no_artifact(name: &str) -> Problem {
+        let detail = format!("The job has no artifact {name:?}.");
+        Problem::new(StatusCode::NOT_FOUND, "artifact.not_found", "No such artifact", detail)
+            .remedy("See the job's list of artifacts; it is empty until the job has succeeded.")
+    }
+
+    /// No such ray set.
+    pub fn no_ray_set(id: &str) -> Problem {
+        Problem::new(
+            StatusCode::NOT_FOUND,
+            "ray_set.not_found",
+            "No such ray set",
+            format!("There is no ray set {id:?}."),
+        )
+    }
+
+    /// No such spectrum.
+    pub fn no_spectrum(id: &str) -> Problem {
+        let detail = format!("There is no spectrum {id:?}.");
+        Problem::new(StatusCode::NOT_FOUND, "spectrum.not_found", "No such spectrum", detail)
+    }
+
+    /// An unfinished job needs the spectrum.
+    pub fn spectrum_needed(id: &str) -> Problem {
+        let detail = format!("An unfinished job needs the spectrum {id}.");
+        Problem::new(StatusCode::CONFLICT, "spectrum.in_use", "The spectrum is in use", detail)
+            .remedy("Cancel the job or wait for its end.")
+    }
+
+    /// An unfinished job needs the ray set.
+    pub fn ray_set_needed(id: &str) -> Problem {
+        let detail = format!("An unfinished job needs the ray set {id}.");
+        Problem::new(StatusCode::CONFLICT, "ray_set.in_use", "The ray set is in use", detail)
+            .remedy("Cancel the job or wait for its end.")
+    }
+
+    /// No such job.
+    pub fn no_job(id: &str) -> Problem {
+        Problem::new(StatusCode::NOT_FOUND, "job.not_found", "No such job", format!("There is no job {id:?}."))
+    }
+
+    fn job_state(state: State) -> Problem {
+        let (code, title, remedy) = match state.ended() {
+            true => ("job.ended", "The job has ended", "Nothing can change it any more; it can be deleted."),
+            false => ("job.unfinished", "The job has not ended", "Cancel it first."),
+        };
+        Problem::new(StatusCode::CONFLICT, code, title, format!("The job is {}.", state.name())).remedy(remedy)
+    }
+
+    /// A job that no process could begin.
+    fn job_too_large(TooLarge { needed_bytes, limit_bytes }: TooLarge) -> Problem {
+        let detail = format!(
+            "The job is expected to need {} MiB of memory; all jobs of a process may need {} MiB together.",
+            needed_bytes.div_ceil(1 << 20),
+            limit_bytes >> 20
+        );
+        Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "job.too_large", "The job needs too much memory", detail)
+            .at("options")
+            .remedy(
+                "Choose a lower hull.resolution, fewer goniogram.zones, wider goniogram steps or fewer \
+                 rays.band_edges_nm; ?dry_run=true tells what it comes to. Or ask the operator for more: serve --memory.",
+            )
+    }
+
+    /// A key that stands for another request.
+    fn key_reused(key: &str) -> Problem {
+        let detail = format!("The key {key:?} came with another request before.");
+        Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "idempotency.key_reused", "The key was used before", detail)
+            .at("Idempotency-Key")
+            .remedy("Send each request under a key of its own; repeat a request as it was.")
+    }
+
+    /// A key whose job is gone.
+    fn key_spent(key: &str) -> Problem {
+        let detail = format!("The job that the key {key:?} made was deleted.");
+        Problem::new(StatusCode::GONE, "idempotency.job_deleted", "The job was deleted", detail)
+            .at("Idempotency-Key")
+            .remedy("For another one, send the request under another key.")
+    }
+
+    /// A range outside the file.
+    pub fn range_not_satisfiable(byte_count: u64) -> Problem {
+        let detail = format!("The file has {byte_count} bytes.");
+        let status = StatusCode::RANGE_NOT_SATISFIABLE;
+        Problem::new(status, "artifact.range_not_satisfiable", "Range not satisfiable", detail)
+    }
+
+    /// The file is not the one that the client expects.
+    pub fn changed(etag: &str) -> Problem {
+        let detail = format!("If-Match does not name the entity tag of what is here, {etag}.");
+        let status = StatusCode::PRECONDITION_FAILED;
+        Problem::new(status, "request.precondition_failed", "The precondition does not hold", detail)
+            .at("If-Match")
+            .remedy("Get it again without If-Match, and take its ETag.")
+    }
+
+    /// More requests at once than are served.
+    pub fn busy() -> Problem {
+        let detail = "Too many requests of this kind are being served.";
+        Problem::new(StatusCode::SERVICE_UNAVAILABLE, "service.busy", "The service is busy", detail)
+            .remedy("Try again after the time in Retry-After.")
+    }
+
+    /// The service is stopping.
+    pub fn draining() -> Problem {
+        let detail = "The service is stopping and takes nothing new.";
+        Problem::new(StatusCode::SERVICE_UNAVAILABLE, "service.stopping", "The service is stopping", detail)
+            .remedy("Try again after the time in Retry-After.")
+    }
+
+    /// The key is for other things.
+    pub fn scope_missing(scope: &str) -> Problem {
+        let detail = format!("This needs the scope {scope}, which the key has not.");
+        Problem::new(StatusCode::FORBIDDEN, "access.scope_missing", "The key is not for this", detail)
+            .remedy("Ask the operator for a key with this scope.")
+    }
+
+    /// A name that is not this machine's, while no keys are asked for.
+    pub fn foreign_host(host: &str) -> Problem {
+        let detail = format!("Without keys this service answers on this machine only, not as {host:?}.");
+        Problem::new(StatusCode::FORBIDDEN, "access.foreign_host", "Not by this name", detail)
+            .remedy("Ask it as localhost, or have it ask for keys: serve --auth on.")
+    }
+
+    /// A web page from elsewhere, while no keys are asked for.
+    pub fn foreign_origin(origin: &str) -> Problem {
+        let detail = format!("Pages of {origin} may not use this service.");
+        Problem::new(StatusCode::FORBIDDEN, "access.foreign_origin", "Not from this page", detail)
+            .remedy("The operator can allow it: serve --cors-origin.")
+    }
+
+    /// A key that asked too often.
+    pub fn too_often(wait: Duration) -> Problem {
+        let detail = "This key asks more often than it may.";
+        let problem = Problem::new(StatusCode::TOO_MANY_REQUESTS, "access.rate", "Too many requests", detail)
+            .remedy("Ask again after the time in Retry-After, and less often.");
+        let wait_s = u32::try_from(wait.as_secs()).unwrap_or(u32::MAX).saturating_add(1);
+        Problem { retry_after_s: NonZeroU32::new(wait_s), ..problem }
+    }
+
+    /// Less room than is kept free.
+    pub fn low_space() -> Problem {
+        let detail = "The store has less room than it keeps free.";
+        Problem::new(StatusCode::INSUFFICIENT_STORAGE, "storage.low_space", "The store is almost full", detail)
+            .remedy("Delete jobs and ray sets, or make room.")
+    }
+
+    /// The same, told to whoever asks whether the service can work: such probes know no other status than 503.
+    #[must_use]
+    pub fn not_ready(self) -> Problem {
+        Problem { status: StatusCode::SERVICE_UNAVAILABLE.as_u16(), retry_after_s: Some(NonZeroU32::MIN), ..self }
+    }
+
+    /// A request that took too long.
+    pub fn timeout() -> Problem {
+        let detail = "The answer took too long.";
+        Problem::new(StatusCode::GATEWAY_TIMEOUT, "request.timeout", "Timeout", detail).remedy("Try again.")
+    }
+
+    /// A fault of ours. What it was is in the log, not in the answer.
+    pub fn internal() -> Problem {
+        let detail = "The service met a fault of its own.";
+        Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "service.internal", "Internal error", detail)
+            .remedy("Report it with the request id of this response.")
+    }
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let status = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+        let retry_after_s = self.retry_after_s;
+        let mut response = (status, Json(self)).into_response();
+        let headers = response.headers_mut();
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(MEDIA_TYPE));
+        if let Some(wait_s) = retry_after_s {
+            headers.insert(header::RETRY_AFTER, HeaderValue::from(wait_s.get()));
+        }
+        if status == StatusCode::UNAUTHORIZED {
+            headers.insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer realm=\"lampwright\""));
+        }
+        response
+    }
+}
+
+impl From<Refusal> for Problem {
+    fn from(refusal: Refusal) -> Problem {
+        let (code, detail) = match refusal {
+            Refusal::Missing => ("access.key_missing", "No key came with the request."),
+            Refusal::Malformed => ("access.key_malformed", "What came is not a key: Bearer lw_<id>_<secret>."),
+            Refusal::Unknown => ("access.key_unknown", "Nobody has this key."),
+            Refusal::Expired => ("access.key_expired", "The time of this key is over."),
+            Refusal::Revoked => ("access.key_revoked", "This key was revoked."),
+        };
+        Problem::new(StatusCode::UNAUTHORIZED, code, "A key is needed", detail)
+            .remedy("Send Authorization: Bearer with a key of this service; its operator makes them.")
+    }
+}
+
+impl From<Exceeded> for Problem {
+    fn from(exceeded: Exceeded) -> Problem {
+        match exceeded {
+            Exceeded::StoredBytes { used, limit } => Problem::new(
+                StatusCode::PAYLOAD_TOO_LARGE,
+                "quota.stored_bytes",
+                "No room left in the quota",
+                format!("{used} of {limit} bytes are used, and this needs more."),
+            )
+            .remedy("Delete jobs and ray sets, or ask the operator for more."),
+            Exceeded::QueuedJobs { limit } => {
+                let status = StatusCode::TOO_MANY_REQUESTS;
+                let detail = format!("{limit} jobs are waiting, which is as many as may.");
+                let problem = Problem::new(status, "quota.queued_jobs", "Too many jobs are waiting", detail)
+                    .remedy("Queue it after the time in Retry-After, or cancel one that waits.");
+                Problem { retry_after_s: NonZeroU32::new(QUEUE_WAIT_S), ..problem }
+            }
+        }
+    }
+}
+
+impl From<ray_sets::Error> for Problem {
+    fn from(error: ray_sets::Error) -> Problem {
+        use crate::ray_sets::error::Error;
+        match error {
+            Error::TooLarge(limit) => Problem::new(
+                StatusCode::PAYLOAD_TOO_LARGE,
+                "upload.too_large",
+                "The file is too large",
+                format!("The largest file taken has {limit} bytes."),
+            )
+            .remedy("Send fewer rays, or ask the operator for a larger limit."),
+            Error::Empty => Problem::new(StatusCode::BAD_REQUEST, "upload.empty", "The body is empty", "No byte came.")
+                .remedy(SEND_THE_FILE),
+            Error::Truncated(found) | Error::Broken(found) => {
+                tracing::debug!(found, "a body broke off");
+                Problem::body_truncated()
+            }
+            Error::Slow(slow) => {
+                let status = StatusCode::REQUEST_TIMEOUT;
+                let (code, title) = match slow.bytes {
+                    0 => ("upload.idle", "The upload fell silent"),
+                    _ => ("upload.slow", "The upload is too slow"),
+                };
+                Problem::new(status, code, title, format!("{slow}.")).remedy("Send it again over a better link.")
+            }
+            Error::Digest { announced, found } => Problem::new(
+                StatusCode::BAD_REQUEST,
+                "upload.digest_mismatch",
+                "The digest does not match",
+                format!("The SHA-256 of what came is {found}, announced was {announced}."),
+            )
+            .remedy("Send it again."),
+            Error::Unfit(error) | Error::Packed(error) => error.into(),
+            Error::NoRayFile(left_out) => Problem::no_ray_file(&left_out),
+            Error::Quota(exceeded) => exceeded.into(),
+            Error::LowSpace => Problem::low_space(),
+            Error::Storage(error) => error.into(),
+        }
+    }
+}
+
+impl From<queue::Error> for Problem {
+    fn from(error: queue::Error) -> Problem {
+        match error {
+            queue::Error::Missing(id) => Problem::no_job(&id),
+            queue::Error::MissingRaySet(id) => Problem::no_ray_set(&id),
+            queue::Error::MissingSpectrum(id) => Problem::no_spectrum(&id),
+            queue::Error::State(state) => Problem::job_state(state),
+            queue::Error::Quota(exceeded) => exceeded.into(),
+            queue::Error::Unfit(error) => error.into(),
+            queue::Error::TooLarge(too_large) => Problem::job_too_large(too_large),
+            queue::Error::KeyReused(key) => Problem::key_reused(&key),
+            queue::Error::KeySpent(key) => Problem::key_spent(&key),
+            queue::Error::Storage(error) => error.into(),
+        }
+    }
+}

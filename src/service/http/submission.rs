@@ -1,0 +1,232 @@
+//! `POST /v1/jobs`: how a job is asked for, once, again, or only to know what it would come to.
+
+use super::api::Api;
+use super::extract::{Body, Query};
+use super::job::{Job, find, location};
+use super::problem::Problem;
+use super::upload_request::MAX_NAME_CHARS;
+use crate::accounts::access::Access;
+use crate::jobs::estimate::Prospect;
+use crate::jobs::query;
+use crate::jobs::request::NewJob;
+use crate::jobs::submit::{Keyed, Queued};
+use axum::Json;
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::{IntoResponse, Response};
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// Most channels of one source.
+const MAX_CHANNELS: usize = 8;
+/// Longest key.
+const MAX_KEY_CHARS: usize = 255;
+/// The header that names a request, so that it can be repeated.
+const IDEMPOTENCY_KEY: &str = "idempotency-key";
+
+/// What a job would come to.
+#[derive(Serialize, ToSchema)]
+pub struct JobEstimate {
+    /// Rays of its files together, as their headers tell.
+    ray_count: u64,
+    /// Their length, bytes.
+    byte_count: u64,
+    /// Most memory that computing it is expected to need, bytes.
+    memory_bytes: u64,
+    /// What all jobs that a process computes may need together, bytes.
+    memory_limit_bytes: u64,
+    /// False: it would be refused with `job.too_large`.
+    fits: bool,
+    /// The equal job that it would be answered with; null where there is none, or `reuse` is false.
+    #[schema(required, format = Uuid)]
+    reuses: Option<String>,
+    /// How long computing it may take, s, by the service's latest jobs; null while there are none.
+    #[schema(required)]
+    seconds: Option<f64>,
+    /// Jobs of the tenant's line that come before it.
+    jobs_ahead: u64,
+}
+
+/// What is answered with 200.
+#[derive(Serialize, ToSchema)]
+#[serde(untagged)]
+pub enum JobOrEstimate {
+    /// An equal job that was there before.
+    Job(Box<Job>),
+    /// What it would come to.
+    Estimate(JobEstimate),
+}
+
+/// How a job is asked for.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct Asking {
+    /// Only tell what it would come to: everything is judged, nothing is queued.
+    #[serde(default)]
+    #[param(default = false)]
+    dry_run: bool,
+}
+
+/// Queues a job
+///
+/// Answered as soon as the job is safe: it will be done, whatever happens to this process. Channels that cannot be one source
+/// (unknown units, W beside lm without a spectrum, shares that do not add to 1) are refused here, at the field to change.
+///
+/// Where the tenant has an equal job that waits, runs or has succeeded, the answer is that job, with 200 and `reused`; the more
+/// urgent priority of the two holds, and the longer `timeout_s`; one that runs under a shorter one is not equal. Nor is one of other
+/// metadata, where the request has some: whoever looks for it by them finds it. `"reuse": false` makes a new one in any case.
+///
+/// With an `Idempotency-Key` the request can be repeated for 24 hours: the answer has the same status and names the same job, as
+/// it is by then; once that job was deleted it is 410. With `dry_run=true` the answer is an estimate and the key means nothing.
+#[utoipa::path(
+    post, path = "/v1/jobs", tag = "jobs", operation_id = "create_job", request_body = NewJob,
+    params(
+        Asking,
+        ("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 257,
+         description = "the client's word for this request, 1 to 255 printable ASCII characters, quoted as draft-ietf-httpapi-idempotency-key-header has it or plain",
+         example = "\"8e03978e-40d5-43dd-bc93-6894a57f9324\""),
+    ),
+    responses(
+        (status = 200, body = JobOrEstimate, description = "an equal job, or what it would come to", headers(
+            ("Location" = String, description = "the job; not for an estimate"))),
+        (status = 202, body = Job, description = "accepted", headers(
+            ("Location" = String, description = "the job"), ("Retry-After" = u64, description = "when to look, s"))),
+        (status = 400, body = Problem, content_type = "application/problem+json", description = "not JSON, or a key that is none"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such ray set or spectrum"),
+        (status = 410, body = Problem, content_type = "application/problem+json", description = "the job that the key made was deleted"),
+        (status = 413, body = Problem, content_type = "application/problem+json", description = "the body is too large, or the quota of bytes is used"),
+        (status = 415, body = Problem, content_type = "application/problem+json", description = "not JSON by its Content-Type"),
+        (status = 429, body = Problem, content_type = "application/problem+json", description = "as many jobs of the tenant wait as may, or too many requests of this key"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "unknown field, wrong type, out of range; channels that cannot be one source; more memory than there is; a key used for another request"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, stopping, or a store that does not answer"),
+    )
+)]
+pub async fn create(
+    State(api): State<Api>,
+    access: Access,
+    Query(asking): Query<Asking>,
+    headers: HeaderMap,
+    Body(new): Body<NewJob>,
+) -> Result<Response, Problem> {
+    let keyed = key(&headers)?.filter(|_| !asking.dry_run).map(|key| Keyed::new(key, &new)).transpose()?;
+    // Before anything is judged: what was said once is said again, whatever became of ray sets and limits.
+    if let Some(keyed) = &keyed
+        && let Some(queued) = api.queue.answered(&access.tenant, keyed).await?
+    {
+        return answer(&api, &access, queued).await;
+    }
+    if api.draining.is_cancelled() {
+        return Err(Problem::draining());
+    }
+    in_range(&api, &new)?;
+    let prospect = api.queue.prospect(&access.tenant, &new).await?;
+    if asking.dry_run {
+        return Ok(Json(estimate(&api, &access, &new, &prospect).await?).into_response());
+    }
+    let queued = api.queue.enqueue(&access.tenant, &new, &prospect, keyed.as_ref()).await?;
+    // Ties the job to the request that asked for it.
+    tracing::info!(job = queued.id, reused = queued.reused, "job queued");
+    answer(&api, &access, queued).await
+}
+
+fn in_range(api: &Api, new: &NewJob) -> Result<(), Problem> {
+    if !(1..=MAX_CHANNELS).contains(&new.channels.len()) {
+        return Err(Problem::out_of_range("channels", "a list of 1 to 8 channels"));
+    }
+    for (index, channel) in new.channels.iter().enumerate() {
+        if channel.name.as_ref().is_some_and(|name| name.is_empty() || name.chars().count() > MAX_NAME_CHARS) {
+            return Err(Problem::out_of_range(&format!("channels[{index}].name"), "1 to 255 characters long"));
+        }
+    }
+    let most_s = api.queue.longest().as_secs();
+    if new.timeout_s.is_some_and(|seconds| seconds == 0 || u64::from(seconds) > most_s) {
+        return Err(Problem::out_of_range("timeout_s", &format!("a whole number of seconds from 1 to {most_s}")));
+    }
+    Ok(())
+}
+
+async fn answer(api: &Api, access: &Access, Queued { id, reused }: Queued) -> Result<Response, Problem> {
+    let job = Job::from(find(api, access, &id).await?).reused(reused);
+    Ok(location(if reused { StatusCode::OK } else { StatusCode::ACCEPTED }, job))
+}
+
+async fn estimate(api: &Api, access: &Access, new: &NewJob, prospect: &Prospect) -> Result<JobEstimate, Problem> {
+    let (records, tenant) = (&api.storage.records, access.tenant.as_str());
+    let seconds = query::seconds_per_ray(records).await?.map(|per_ray| per_ray * prospect.ray_count as f64);
+    Ok(JobEstimate {
+        ray_count: prospect.ray_count,
+        byte_count: prospect.byte_count,
+        memory_bytes: prospect.memory_bytes,
+        memory_limit_bytes: api.queue.memory().limit_bytes(),
+        fits: api.queue.memory().admit(prospect.memory_bytes).is_ok(),
+        reuses: api.queue.equal(tenant, new, prospect).await?,
+        seconds,
+        jobs_ahead: query::ahead(records, tenant, new.priority).await?,
+    })
+}
+
+/// The key of a request: a string of RFC 8941 (the draft's form), or the same without its quotes (everybody's).
+fn key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
+    let mut values = headers.get_all(IDEMPOTENCY_KEY).iter();
+    let Some(value) = values.next() else { return Ok(None) };
+    let wrong = |found: &str| Err(Problem::malformed_header("Idempotency-Key", found));
+    if values.next().is_some() {
+        return wrong("It came more than once.");
+    }
+    let text = value.to_str().map(str::trim).unwrap_or_default();
+    let key = match text.strip_prefix('"') {
+        Some(rest) => unquoted(rest),
+        None => Some(text.to_owned()),
+    };
+    match key {
+        Some(key)
+            if (1..=MAX_KEY_CHARS).contains(&key.len()) && key.bytes().all(|byte| matches!(byte, b' '..=b'~')) =>
+        {
+            Ok(Some(key))
+        }
+        _ => wrong("It is not 1 to 255 printable ASCII characters, plain or between quotes."),
+    }
+}
+
+/// What stands before the closing quote, which is the end; a backslash stands before a quote or a backslash only.
+fn unquoted(rest: &str) -> Option<String> {
+    let (mut key, mut chars) = (String::new(), rest.chars());
+    while let Some(char) = chars.next() {
+        match char {
+            '"' => return chars.next().is_none().then_some(key),
+            '\\' => key.push(chars.next().filter(|escaped| matches!(escaped, '"' | '\\'))?),
+            char => key.push(char),
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_key_is_read_as_the_draft_writes_it_and_as_everybody_sends_it() {
+        let read = |value: &[u8]| {
+            let mut headers = HeaderMap::new();
+            headers.append(IDEMPOTENCY_KEY, value.try_into().unwrap());
+            key(&headers)
+        };
+        // Section 2 of the draft, and RFC 8941 section 3.3.3.
+        let draft = "8e03978e-40d5-43dd-bc93-6894a57f9324";
+        assert_eq!(read(format!("\"{draft}\"").as_bytes()).unwrap().as_deref(), Some(draft));
+        assert_eq!(read(draft.as_bytes()).unwrap().as_deref(), Some(draft));
+        assert_eq!(read(br#""a\"b\\c""#).unwrap().as_deref(), Some(r#"a"b\c"#));
+        assert_eq!(read("x".repeat(255).as_bytes()).unwrap().map(|key| key.len()), Some(255));
+        assert_eq!(key(&HeaderMap::new()).unwrap(), None);
+        let long = "x".repeat(256);
+        for wrong in ["", "\"\"", "\"", "\"a", "\"a\"b", r#""a\b""#, "ä", &long] {
+            assert_eq!(read(wrong.as_bytes()).unwrap_err().code, "request.malformed_header", "{wrong}");
+        }
+        let mut twice = HeaderMap::new();
+        twice.append(IDEMPOTENCY_KEY, "a".try_into().unwrap());
+        twice.append(IDEMPOTENCY_KEY, "b".try_into().unwrap());
+        assert_eq!(key(&twice).unwrap_err().status, 400);
+    }
+}

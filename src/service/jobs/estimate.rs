@@ -1,0 +1,166 @@
+//! What is known of a job before it is queued: whether its channels can be one source, what it will need, and what its
+//! artifacts will follow from.
+
+use super::error::Error;
+use super::request::{Channel, NewJob, TotalFlux};
+use crate::hex::hex;
+use crate::ray_sets::rows::LeftOut;
+use crate::ray_sets::{inspections, rows};
+use crate::storage::records::Records;
+use crate::{spectra, storage};
+use pipeline::{Claims, Declared};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+/// Names the computation that this build has: another one may give other bytes (`build.rs`).
+pub const PIPELINE: &str = env!("LAMPWRIGHT_PIPELINE");
+
+/// What a job will be, as the headers of its files tell.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Prospect {
+    /// Rays of all channels together.
+    pub ray_count: u64,
+    /// Bytes of their files.
+    pub byte_count: u64,
+    /// Most memory that computing it is expected to need, bytes,
+    pub memory_bytes: u64,
+    /// on so many threads,
+    pub memory_threads: usize,
+    /// and for each further one.
+    pub thread_bytes: u64,
+    /// SHA-256 of everything its artifacts follow from, lower-case hex: equal for jobs that give the same bytes.
+    pub content_sha256: Option<String>,
+}
+
+/// Everything that artifacts follow from, in one form.
+#[derive(Serialize)]
+struct Content<'a> {
+    pipeline: &'a str,
+    channels: Vec<File<'a>>,
+    options: &'a pipeline::Options,
+}
+
+/// A channel: the bytes of its file, the name that the artifacts tell, and what holds of it (the channel's word, else the
+/// file's), the points of its spectrum included.
+#[derive(Serialize)]
+struct File<'a> {
+    sha256: &'a str,
+    name: &'a str,
+    declared: &'a Declared,
+    /// What was noticed of the file or its spectrum before: the artifacts tell it too.
+    #[serde(skip_serializing_if = "Noticed::is_nothing")]
+    noticed: Noticed<'a>,
+}
+
+#[derive(Serialize)]
+struct Noticed<'a> {
+    /// The packed file it came in, where something in it was left out.
+    packed: Option<&'a str>,
+    left_out: &'a [LeftOut],
+    /// Of the uploaded spectrum, as its row has them.
+    of_spectrum: Option<&'a str>,
+}
+
+impl Noticed<'_> {
+    fn is_nothing(&self) -> bool {
+        self.left_out.is_empty() && self.of_spectrum.is_none()
+    }
+}
+
+struct Known {
+    ray_set: rows::RaySet,
+    claims: Claims,
+    declared: Declared,
+    /// Notices of the uploaded spectrum, where it has any.
+    of_spectrum: Option<String>,
+}
+
+impl Known {
+    fn noticed(&self) -> Noticed<'_> {
+        let packed = self.ray_set.packed.as_ref().filter(|packed| !packed.left_out.is_empty());
+        Noticed {
+            packed: packed.map(|packed| packed.name.as_str()),
+            left_out: packed.map_or(&[], |packed| &packed.left_out),
+            of_spectrum: self.of_spectrum.as_deref(),
+        }
+    }
+}
+
+/// Judges a job that `tenant` wants, computed on `threads` threads.
+///
+/// # Errors
+/// [`Error::MissingRaySet`], [`Error::MissingSpectrum`], [`Error::Unfit`], [`Error::Storage`].
+pub async fn prospect(records: &Records, tenant: &str, new: &NewJob, threads: usize) -> Result<Prospect, Error> {
+    let mut options = new.options.resolve()?;
+    options.rays.total = new.total.map(TotalFlux::total);
+    let mut known = Vec::new();
+    for (index, channel) in new.channels.iter().enumerate() {
+        known.push(look_up(records, tenant, index, channel).await?);
+    }
+    let name = |known: &Known| known.declared.name.clone().unwrap_or_else(|| known.ray_set.name.clone());
+    let names: Vec<String> = known.iter().map(name).collect();
+    let files: Vec<_> = known
+        .iter()
+        .zip(&names)
+        .map(|(known, name)| (name.as_str(), known.ray_set.sha256.as_str(), &known.claims, &known.declared))
+        .collect();
+    pipeline::judge(&files, options.rays.total)?;
+    let claims: Vec<(&Claims, &Declared)> = known.iter().map(|known| (&known.claims, &known.declared)).collect();
+    let memory = pipeline::memory(&claims, &options, threads);
+    Ok(Prospect {
+        ray_count: claims.iter().map(|(claims, _)| claims.ray_count).sum(),
+        byte_count: known.iter().map(|known| known.ray_set.byte_count).sum(),
+        memory_bytes: memory.bytes,
+        memory_threads: threads,
+        thread_bytes: memory.thread_bytes,
+        content_sha256: Some(digest(&known, &options)?),
+    })
+}
+
+async fn look_up(records: &Records, tenant: &str, index: usize, channel: &Channel) -> Result<Known, Error> {
+    let ray_set = rows::get(records, tenant, &channel.ray_set).await?;
+    let ray_set = ray_set.ok_or_else(|| Error::MissingRaySet(channel.ray_set.clone()))?;
+    let spectrum = match channel.spectrum_id() {
+        Some(id) => {
+            let spectrum = spectra::get(records, tenant, id).await?;
+            Some(spectrum.ok_or_else(|| Error::MissingSpectrum(id.to_owned()))?)
+        }
+        None => None,
+    };
+    let points = spectrum.as_ref().map(spectra::Spectrum::points).transpose()?;
+    let of_spectrum = spectrum.map(|spectrum| spectrum.notices).filter(|notices| notices != "[]");
+    let declared = channel.clone().or(&ray_set.declared).resolve(index, points.as_deref())?;
+    let mut claims: Claims = serde_json::from_str(&ray_set.header).map_err(unreadable)?;
+    // Other columns than it was looked at with have other wavelengths.
+    if claims.by_ray(&declared)
+        && channel.columns.as_ref().is_none_or(|own| Some(own) == ray_set.declared.columns.as_ref())
+    {
+        claims.wavelength_nm = found(records, &ray_set.id).await?.wavelength_nm;
+    }
+    Ok(Known { ray_set, claims, declared, of_spectrum })
+}
+
+/// What the inspection of a ray set found in its rays, as far as that matters here.
+#[derive(Default, Deserialize)]
+struct Found {
+    wavelength_nm: Option<(f64, f64)>,
+}
+
+async fn found(records: &Records, ray_set: &str) -> Result<Found, storage::Error> {
+    let inspection = inspections::get(records, ray_set).await?;
+    inspection.map_or(Ok(Found::default()), |json| serde_json::from_str(&json).map_err(unreadable))
+}
+
+fn digest<'a>(known: &'a [Known], options: &'a pipeline::Options) -> Result<String, storage::Error> {
+    let channel = |known: &'a Known| {
+        let Known { ray_set, declared, .. } = known;
+        File { sha256: &ray_set.sha256, name: &ray_set.name, declared, noticed: known.noticed() }
+    };
+    let channels = known.iter().map(channel).collect();
+    let content = Content { pipeline: PIPELINE, channels, options };
+    Ok(hex(&Sha256::digest(serde_json::to_vec(&content).map_err(unreadable)?)))
+}
+
+fn unreadable(error: serde_json::Error) -> storage::Error {
+    storage::Error::fault(error)
+}

@@ -1,0 +1,131 @@
+//! Memory for the jobs that one process computes at once: a job is begun when what it is expected to need is left.
+
+use crate::metrics::Metrics;
+use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use tokio::sync::{Mutex, MutexGuard};
+
+/// What a job needs on so many threads (a `$n`), bytes, in SQL.
+macro_rules! needed {
+    ($threads:literal) => {
+        concat!(
+            "(jobs.memory_bytes + jobs.thread_bytes * (CASE WHEN ",
+            $threads,
+            " > jobs.memory_threads THEN ",
+            $threads,
+            " - jobs.memory_threads ELSE 0 END))"
+        )
+    };
+}
+pub(super) use needed;
+
+/// What the jobs of this process may need together. Cheap to clone.
+#[derive(Clone)]
+pub struct Memory {
+    limit_bytes: u64,
+    used_bytes: Arc<AtomicU64>,
+    turn: Arc<Mutex<()>>,
+    metrics: Metrics,
+}
+
+/// A job that can never be begun.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the job needs {needed_bytes} bytes of memory, and there are {limit_bytes}")]
+pub struct TooLarge {
+    /// What it is expected to need, bytes.
+    pub needed_bytes: u64,
+    /// What all jobs of a process may need together, bytes.
+    pub limit_bytes: u64,
+}
+
+/// A job's share of it; given back when the last clone is dropped.
+#[derive(Clone, Debug, Default)]
+pub struct Held {
+    _share: Option<Arc<Share>>,
+}
+
+struct Share {
+    bytes: u64,
+    memory: Memory,
+}
+
+impl fmt::Debug for Share {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{} bytes", self.bytes)
+    }
+}
+
+impl Memory {
+    /// `limit_bytes` for all jobs together; what is used is counted in `metrics`.
+    pub fn new(limit_bytes: u64, metrics: Metrics) -> Memory {
+        Memory { limit_bytes, used_bytes: Arc::default(), turn: Arc::default(), metrics }
+    }
+
+    /// The largest job that can ever be begun here, bytes.
+    pub fn limit_bytes(&self) -> u64 {
+        self.limit_bytes
+    }
+
+    /// Whether a job that needs so much can ever be begun here.
+    ///
+    /// # Errors
+    /// It cannot.
+    pub fn admit(&self, needed_bytes: u64) -> Result<(), TooLarge> {
+        let limit_bytes = self.limit_bytes;
+        if needed_bytes > limit_bytes { Err(TooLarge { needed_bytes, limit_bytes }) } else { Ok(()) }
+    }
+
+    /// Slots of a process look for jobs in turn: what one has seen to be left, another does not take.
+    pub async fn turn(&self) -> MutexGuard<'_, ()> {
+        self.turn.lock().await
+    }
+
+    /// Takes `bytes` of what is left; `None` when less is. To be asked in one's turn.
+    pub fn hold(&self, bytes: u64) -> Option<Held> {
+        let used = self.used_bytes.load(Ordering::Relaxed);
+        let fits = used.saturating_add(bytes) <= self.limit_bytes;
+        self.metrics.waits_for_memory(!fits);
+        fits.then(|| {
+            self.used_bytes.fetch_add(bytes, Ordering::Relaxed);
+            self.metrics.job_memory(bytes.cast_signed());
+            Held { _share: Some(Arc::new(Share { bytes, memory: self.clone() })) }
+        })
+    }
+
+    /// No job waits for it.
+    pub fn nobody_waits(&self) {
+        self.metrics.waits_for_memory(false);
+    }
+
+    /// What is held, bytes.
+    pub fn used_bytes(&self) -> u64 {
+        self.used_bytes.load(Ordering::Relaxed)
+    }
+}
+
+impl Drop for Share {
+    fn drop(&mut self) {
+        self.memory.used_bytes.fetch_sub(self.bytes, Ordering::Relaxed);
+        self.memory.metrics.job_memory(-self.bytes.cast_signed());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_held_is_not_given_twice_and_comes_back() {
+        let memory = Memory::new(100, Metrics::new());
+        let first = memory.hold(60).unwrap();
+        assert!(memory.hold(41).is_none() && memory.hold(u64::MAX).is_none());
+        let second = memory.hold(40).unwrap();
+        assert_eq!(memory.used_bytes(), 100);
+        let also_first = first.clone();
+        drop(first);
+        assert!(memory.hold(1).is_none(), "somebody still works with it");
+        drop((also_first, second));
+        assert_eq!(memory.used_bytes(), 0);
+    }
+}

@@ -1,0 +1,185 @@
+//! What has ended becomes what is to be told. A job is announced once, in the transaction that writes its deliveries: whoever dies
+//! before that has announced nothing, and whoever looks next does.
+
+use super::{State, ZIP};
+use crate::crash;
+use crate::failure::Failure;
+use crate::metadata::{Metadata, rows};
+use crate::storage::error::Error;
+use crate::storage::records::statement::{Row, Statement, sql};
+use crate::storage::records::{Records, Transaction};
+use crate::webhooks::dispatcher::Dispatcher;
+use crate::webhooks::{Event, deliveries, endpoints, message};
+use serde::Serialize;
+use std::time::Duration;
+use tokio::sync::watch;
+use tokio::time::sleep;
+
+/// Least time between two looks: what ends together is announced together.
+const GAP: Duration = Duration::from_millis(50);
+/// Jobs announced in one transaction.
+const BATCH: i64 = 100;
+
+const ANNOUNCED: &str = "UPDATE jobs SET announced = 1 WHERE id IN (SELECT id FROM jobs WHERE announced = 0 \
+    AND finished_ms IS NOT NULL ORDER BY finished_ms LIMIT $1 {skip_locked}) \
+    RETURNING id, tenant, state, attempt, failure, metadata, created_ms, started_ms, finished_ms";
+const ANNOUNCED_ONE: &str = "UPDATE jobs SET announced = 1 WHERE announced = 0 AND finished_ms IS NOT NULL \
+    AND tenant = $1 AND id = $2 \
+    RETURNING id, tenant, state, attempt, failure, metadata, created_ms, started_ms, finished_ms";
+
+/// Announces jobs that have ended, when this process `changes` one and every `poll` for what others ended; the `dispatcher` then
+/// sends the messages.
+pub async fn keep_up(records: Records, dispatcher: Dispatcher, mut changes: watch::Receiver<()>, poll: Duration) {
+    loop {
+        match announce_all(&records).await {
+            Ok(0) => {}
+            Ok(_) => dispatcher.wake(),
+            Err(error) => tracing::warn!(%error, "cannot announce jobs that have ended; trying again later"),
+        }
+        sleep(GAP).await;
+        tokio::select! {
+            _ = changes.changed() => {}
+            () = sleep(poll) => {}
+        }
+    }
+}
+
+async fn announce_all(records: &Records) -> Result<usize, Error> {
+    let mut all = 0;
+    loop {
+        match announce(records).await? {
+            0 => return Ok(all),
+            count => all += count,
+        }
+    }
+}
+
+/// Announces jobs that have ended; how many. Right in any number of processes at once.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn announce(records: &Records) -> Result<usize, Error> {
+    let any = sql("SELECT id FROM jobs WHERE announced = 0 AND finished_ms IS NOT NULL LIMIT 1");
+    if records.read_one(any).await?.is_none() {
+        return Ok(0);
+    }
+    let mut transaction = records.begin().await?;
+    let jobs = announced(&mut transaction, sql(ANNOUNCED).bind(BATCH)).await?;
+    crash::point("announce.before_commit");
+    transaction.commit().await?;
+    crash::point("announce.committed");
+    Ok(jobs)
+}
+
+/// Announces a job that is about to be deleted, if it has ended and nobody has yet. Right as the first statement of a
+/// transaction.
+///
+/// # Errors
+/// The database did not answer.
+pub async fn announce_one(transaction: &mut Transaction, tenant: &str, job: &str) -> Result<usize, Error> {
+    announced(transaction, sql(ANNOUNCED_ONE).bind(tenant).bind(job)).await
+}
+
+async fn announced(transaction: &mut Transaction, jobs: Statement) -> Result<usize, Error> {
+    let jobs = transaction.read(jobs).await?;
+    for row in &jobs {
+        let (event, job) = match ended(row) {
+            Ok(ended) => ended,
+            Err(error) => {
+                // One row that cannot be read must not keep all others from being told.
+                tracing::error!(%error, "the end of a job cannot be told");
+                continue;
+            }
+        };
+        let finished_ms = row.number("finished_ms")?;
+        // Who began to listen later has seen the end, or can.
+        let select = "SELECT id, events FROM webhooks WHERE tenant = $1 AND disabled_why IS NULL \
+                      AND created_ms <= $2 {for_share}";
+        let endpoints = transaction.read(sql(select).bind(row.text("tenant")?).bind(finished_ms)).await?;
+        if endpoints.is_empty() {
+            continue;
+        }
+        let (id, body) = (row.text("id")?, message(event.name(), finished_ms, job)?);
+        for endpoint in &endpoints {
+            if endpoints::events(&endpoint.text("events")?).contains(&event) {
+                deliveries::insert(transaction, &endpoint.text("id")?, event.name(), Some(&id), &body).await?;
+            }
+        }
+    }
+    Ok(jobs.len())
+}
+
+/// A job that has ended, as endpoints hear of it; the links lead to the rest.
+#[derive(Serialize, utoipa::ToSchema)]
+pub struct EndedJob {
+    /// Its identifier.
+    id: String,
+    /// How it has ended.
+    state: State,
+    /// How often it was begun.
+    attempt: i64,
+    /// Why it failed, if it did: as the job tells.
+    #[schema(value_type = Option<Object>)]
+    problem: Option<Failure>,
+    /// The client's own keys and values.
+    metadata: Metadata,
+    /// When it was accepted, epoch ms.
+    created_ms: i64,
+    /// When it was last begun, epoch ms.
+    started_ms: Option<i64>,
+    /// When it ended, epoch ms.
+    finished_ms: i64,
+    /// Where things are.
+    links: EndedLinks,
+}
+
+/// Where an ended job's things are, on the service that tells of it.
+#[derive(Serialize, utoipa::ToSchema)]
+pub struct EndedLinks {
+    /// Itself.
+    #[serde(rename = "self")]
+    this: String,
+    /// The list of its artifacts; null unless it has succeeded.
+    artifacts: Option<String>,
+    /// All of them in one zip; null unless it has succeeded.
+    zip: Option<String>,
+}
+
+/// The message of a job that has ended, as its row has it.
+fn ended(row: &Row) -> Result<(Event, EndedJob), Error> {
+    let state = row.text("state")?;
+    let state = State::parse(&state);
+    let unknown = || Error::fault("a job that has not ended is announced");
+    let (state, event) = state.and_then(|state| Some((state, event_of(state)?))).ok_or_else(unknown)?;
+    let (id, failure) = (row.text("id")?, row.optional_text("failure")?);
+    let problem = failure.map(|failure| serde_json::from_str(&failure)).transpose();
+    let this = format!("/v1/jobs/{id}");
+    let succeeded = state == State::Succeeded;
+    let links = EndedLinks {
+        artifacts: succeeded.then(|| format!("{this}/artifacts")),
+        zip: succeeded.then(|| format!("{this}/{ZIP}")),
+        this,
+    };
+    let job = EndedJob {
+        id,
+        state,
+        attempt: row.number("attempt")?,
+        problem: problem.map_err(Error::fault)?,
+        metadata: rows::read(&row.text("metadata")?)?,
+        created_ms: row.number("created_ms")?,
+        started_ms: row.optional_number("started_ms")?,
+        finished_ms: row.number("finished_ms")?,
+        links,
+    };
+    Ok((event, job))
+}
+
+/// What endpoints are told of a job that has come to this state; `None` before its end.
+fn event_of(state: State) -> Option<Event> {
+    match state {
+        State::Succeeded => Some(Event::Succeeded),
+        State::Failed => Some(Event::Failed),
+        State::Cancelled => Some(Event::Cancelled),
+        State::Queued | State::Running => None,
+    }
+}

@@ -1,0 +1,206 @@
+//! What a source is made of, as sent and as stored: ray sets, and what a client says of each. The pipeline says what can be
+//! one source, here before anything is queued.
+
+use super::Priority;
+use super::options::JobOptions;
+use crate::metadata::Metadata;
+use crate::ray_sets::declaration::columns;
+use crate::ray_sets::declaration::{FileDeclaration, LengthUnit, QuantityName};
+use pipeline::{Error, FluxOverride, Place, Table};
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// A job to be.
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NewJob {
+    /// The ray sets that are one source, in one frame, and what is to be said of each.
+    #[schema(min_items = 1, max_items = 8)]
+    pub channels: Vec<Channel>,
+    /// Total flux of the source; asked for where channels have shares of it, and only there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub total: Option<TotalFlux>,
+    /// What to choose; what is left out is chosen from the rays.
+    #[serde(default)]
+    #[schema(nullable)]
+    pub options: JobOptions,
+    /// Before which of the tenant's other waiting jobs it comes. Tenants take turns whatever it is. Default: normal.
+    #[serde(default)]
+    #[schema(nullable)]
+    pub priority: Priority,
+    /// Longest that an attempt may take, s. Default: the service's own, which is also the most.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 1, maximum = 4_294_967_295_u32)]
+    pub timeout_s: Option<u32>,
+    /// The client's own keys and values.
+    #[serde(default, skip_serializing_if = "Metadata::is_empty")]
+    #[schema(nullable)]
+    pub metadata: Metadata,
+    /// Answer with an equal job of the tenant where there is one: same files, names, declarations, options and computation;
+    /// waiting, running or succeeded; and with the same metadata, unless none is sent. Default: true.
+    #[serde(default = "yes")]
+    #[schema(nullable)]
+    pub reuse: bool,
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// One ray set of a source, and what goes before its file's own word. What is left out is taken from the file.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Channel {
+    /// The ray set. It may be named twice only where each naming has a flux: one set of rays that stands for two.
+    #[schema(format = Uuid)]
+    pub ray_set: String,
+    /// What it is called in the report. Default: the ray set's name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(min_length = 1, max_length = 255, example = "blue")]
+    pub name: Option<String>,
+    /// Unit of its positions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub length_unit: Option<LengthUnit>,
+    /// What its flux values are: W or lm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quantity: Option<QuantityName>,
+    /// What stands in each column, for text in columns only: x, y, z, l, m, n, flux, radiant_flux, luminous_flux,
+    /// wavelength_nm, wavelength_um, tristimulus_x, tristimulus_z, ignored.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(max_items = 64, example = json!(["x", "y", "z", "l", "m", "n", "flux"]))]
+    pub columns: Option<Vec<String>>,
+    /// The spectrum of its light.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spectrum: Option<SpectrumChoice>,
+    /// Its flux. It fixes W or lm; the other one scales along where a spectrum is known, and is unknown where none is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flux: Option<ChannelFlux>,
+}
+
+/// A spectrum: an uploaded one, or its points.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SpectrumChoice {
+    /// Identifier of an uploaded spectrum.
+    Id(String),
+    /// Points of wavelength, nm, increasing, and spectral density, in any scale; linear between them, 0 outside.
+    #[schema(value_type = Vec<NumberPair>, example = json!({"nm_value": [[440.0, 0.0], [450.0, 1.0], [460.0, 0.0]]}))]
+    NmValue(Vec<(f64, f64)>),
+}
+
+/// Two numbers.
+#[derive(ToSchema)]
+#[schema(min_items = 2, max_items = 2)]
+pub struct NumberPair(#[expect(dead_code, reason = "a schema, never a value")] Vec<f64>);
+
+/// A channel's flux.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ChannelFlux {
+    /// W.
+    RadiantW(f64),
+    /// lm.
+    LuminousLm(f64),
+    /// Share of the source's total in W, above 0, at most 1.
+    RadiantShare(f64),
+    /// Share of the source's total in lm, above 0, at most 1.
+    LuminousShare(f64),
+}
+
+/// A source's flux.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TotalFlux {
+    /// W.
+    RadiantW(f64),
+    /// lm.
+    LuminousLm(f64),
+}
+
+impl NewJob {
+    /// A job of one ray set of which nothing is said, with default options.
+    pub fn of(ray_set: &str) -> NewJob {
+        NewJob {
+            channels: vec![Channel::of(ray_set)],
+            total: None,
+            options: JobOptions::default(),
+            priority: Priority::default(),
+            timeout_s: None,
+            metadata: Metadata::default(),
+            reuse: true,
+        }
+    }
+}
+
+impl Channel {
+    /// A ray set of which nothing is said.
+    pub fn of(ray_set: &str) -> Channel {
+        Channel { ray_set: ray_set.to_owned(), ..Channel::default() }
+    }
+
+    /// The uploaded spectrum it names.
+    pub fn spectrum_id(&self) -> Option<&str> {
+        match &self.spectrum {
+            Some(SpectrumChoice::Id(id)) => Some(id),
+            _ => None,
+        }
+    }
+
+    /// The same, obeying `file` in what it does not say itself.
+    pub fn or(self, file: &FileDeclaration) -> Channel {
+        Channel {
+            length_unit: self.length_unit.or(file.length_unit),
+            quantity: self.quantity.or(file.quantity),
+            columns: self.columns.or_else(|| file.columns.clone()),
+            ..self
+        }
+    }
+
+    /// The pipeline's own words for it. `index`: its place in the source; `uploaded`: the points of the spectrum it names.
+    ///
+    /// # Errors
+    /// [`Error::Unusable`], at the field: unknown columns, points that are no spectrum.
+    pub fn resolve(&self, index: usize, uploaded: Option<&[(f64, f64)]>) -> Result<pipeline::Declared, Error> {
+        let points = match &self.spectrum {
+            Some(SpectrumChoice::NmValue(points)) => Some(points.as_slice()),
+            _ => uploaded,
+        };
+        Ok(pipeline::Declared {
+            name: self.name.clone(),
+            length_unit: self.length_unit.map(LengthUnit::unit),
+            quantity: self.quantity.map(QuantityName::quantity),
+            columns: self.columns.as_ref().map(|names| columns(index, names)).transpose()?,
+            spectrum: points.map(|points| table(index, points)).transpose()?,
+            flux: self.flux.map(ChannelFlux::flux),
+        })
+    }
+}
+
+fn table(index: usize, points: &[(f64, f64)]) -> Result<Table, Error> {
+    Table::new(points).ok_or_else(|| {
+        let found = "The points are no spectrum.";
+        let remedy = "Give wavelengths in nm, positive and increasing, with values of 0 or more, one of them above 0.";
+        Error::undeclarable("rays.spectrum_points", Place::Channel(index, "spectrum"), found, remedy)
+    })
+}
+
+impl ChannelFlux {
+    fn flux(self) -> FluxOverride {
+        match self {
+            ChannelFlux::RadiantW(value) => FluxOverride::RadiantW(value),
+            ChannelFlux::LuminousLm(value) => FluxOverride::LuminousLm(value),
+            ChannelFlux::RadiantShare(share) => FluxOverride::RadiantShare(share),
+            ChannelFlux::LuminousShare(share) => FluxOverride::LuminousShare(share),
+        }
+    }
+}
+
+impl TotalFlux {
+    /// The pipeline's own word for it.
+    pub fn total(self) -> pipeline::Total {
+        match self {
+            TotalFlux::RadiantW(value) => pipeline::Total::RadiantW(value),
+            TotalFlux::LuminousLm(value) => pipeline::Total::LuminousLm(value),
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! What a client declares of a ray file, as sent and as stored.
+
+use pipeline::{Declared, Error, Place, Quantity};
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// What was said of a ray file as it was sent: how to read it where it does not say, and what goes before its own word. Its
+/// channels obey it in what they do not say themselves.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct FileDeclaration {
+    /// Unit of its positions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub length_unit: Option<LengthUnit>,
+    /// What its flux values are: W or lm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quantity: Option<QuantityName>,
+    /// What stands in each column, for text in columns only; names as in a channel.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(max_items = 64, example = json!(["x", "y", "z", "l", "m", "n", "flux"]))]
+    pub columns: Option<Vec<String>>,
+}
+
+/// A unit of length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "lowercase")]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum LengthUnit {
+    Nm,
+    Um,
+    Mm,
+    Cm,
+    M,
+    In,
+    Ft,
+}
+
+/// Which flux a number is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[schema(as = Quantity)]
+#[serde(rename_all = "lowercase")]
+pub enum QuantityName {
+    /// W.
+    Radiant,
+    /// lm.
+    Luminous,
+}
+
+impl FileDeclaration {
+    /// The pipeline's own words for it.
+    ///
+    /// # Errors
+    /// `rays.column_unknown`.
+    pub fn resolve(&self) -> Result<Declared, Error> {
+        Ok(Declared {
+            length_unit: self.length_unit.map(LengthUnit::unit),
+            quantity: self.quantity.map(QuantityName::quantity),
+            columns: self.columns.as_deref().map(|names| columns(0, names)).transpose()?,
+            ..Declared::default()
+        })
+    }
+}
+
+impl LengthUnit {
+    /// The pipeline's own word for it.
+    pub fn unit(self) -> pipeline::LengthUnit {
+        match self {
+            LengthUnit::Nm => pipeline::LengthUnit::Nanometre,
+            LengthUnit::Um => pipeline::LengthUnit::Micrometre,
+            LengthUnit::Mm => pipeline::LengthUnit::Millimetre,
+            LengthUnit::Cm => pipeline::LengthUnit::Centimetre,
+            LengthUnit::M => pipeline::LengthUnit::Metre,
+            LengthUnit::In => pipeline::LengthUnit::Inch,
+            LengthUnit::Ft => pipeline::LengthUnit::Foot,
+        }
+    }
+}
+
+impl QuantityName {
+    /// The pipeline's own word for it.
+    pub fn quantity(self) -> Quantity {
+        match self {
+            QuantityName::Radiant => Quantity::Radiant,
+            QuantityName::Luminous => Quantity::Luminous,
+        }
+    }
+}
+
+/// The columns of these names. `index`: the place of the channel in its source.
+///
+/// # Errors
+/// `rays.column_unknown`.
+pub fn columns(index: usize, names: &[String]) -> Result<Vec<pipeline::Column>, Error> {
+    let column = |name: &String| {
+        pipeline::Column::from_name(name).ok_or_else(|| {
+            let known = pipeline::Column::ALL.map(pipeline::Column::name).join(", ");
+            let place = Place::Channel(index, "columns");
+            let found = format!("There is no column {name:?}.");
+            Error::undeclarable("rays.column_unknown", place, found, format!("Name each column one of {known}."))
+        })
+    };
+    names.iter().map(column).collect()
+}
