@@ -2,21 +2,20 @@
 
 use super::channel_argument;
 use super::channel_argument::ChannelFile;
+use super::choices::Choices;
 use super::inspect::notice_rows;
 use super::terminal::failure::Failure;
 use super::terminal::progress::Progress;
 use super::terminal::table::{Table, count, flux, number, percent, triple};
-use super::terminal::{argument, measure, output};
-use clap::{Args, ValueEnum};
+use super::terminal::{measure, output};
+use clap::Args;
 use pipeline::artifacts::zip;
 use pipeline::flux::balance::Share;
 use pipeline::hull::Label;
 use pipeline::model::Model;
 use pipeline::model::channel::Origin;
-use pipeline::options::{IesEdition, Spectra};
-use pipeline::vocabulary::space::Axis;
-use pipeline::vocabulary::spectrum::Bands;
-use pipeline::{Declared, Input, Limits, Options, Outcome, Stage, Total};
+
+use pipeline::{Declared, Input, Limits, Outcome, Stage, Total};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -41,95 +40,12 @@ pub struct Arguments {
     threads: Option<usize>,
 }
 
-/// The pipeline's options as flags; what is not given is the pipeline's default.
-#[derive(Args, Default)]
-struct Choices {
-    /// Cells along the longest edge of the source [default: from the number of rays].
-    #[arg(long, value_name = "CELLS")]
-    resolution: Option<u32>,
-    /// Longest edge of a stitched or filled triangle, mm [default: from the cell size].
-    #[arg(long, value_name = "MM")]
-    max_edge: Option<f64>,
-    /// Zones along C0 and across it, as 4x4 [default: from the density of rays, at most 16].
-    #[arg(long, value_name = "CxR", value_parser = argument::zones)]
-    zones: Option<(u32, u32)>,
-    /// Axis of the source at gamma = 0: +X -X +Y -Y +Z -Z [default: the one nearest the brightest direction].
-    #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = argument::axis)]
-    nadir: Option<Axis>,
-    /// Axis of the source at C0 [default: the next one: +X for Z, +Y for X, +Z for Y].
-    #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = argument::axis)]
-    c0: Option<Axis>,
-    /// Step of the goniograms' gamma, degrees; divides 180 [default: from the beam and its rays].
-    #[arg(long, value_name = "DEGREES")]
-    gamma_step: Option<f64>,
-    /// Step of the goniograms' C planes, degrees; divides 360 [default: 10].
-    #[arg(long, value_name = "DEGREES")]
-    c_step: Option<f64>,
-    /// Spectral bands in nm [default: 380:780:10, wider where the rays are].
-    #[arg(long, value_name = "MIN:MAX:STEP", value_parser = argument::bands)]
-    bands: Option<Bands>,
-    /// Leave flux and goniograms as counted.
-    #[arg(long)]
-    no_smoothing: bool,
-    /// Where vertex spectra go in the glTF.
-    #[arg(long, value_enum, default_value_t)]
-    spectra: SpectraPlace,
-    /// Edition of the IES files, 2002 or 2019.
-    #[arg(long, value_enum, default_value_t)]
-    ies_edition: Edition,
-}
-
-#[derive(Clone, Copy, Default, ValueEnum)]
-enum SpectraPlace {
-    #[default]
-    Auto,
-    Both,
-    Attributes,
-    Extras,
-}
-
-#[derive(Clone, Copy, Default, ValueEnum)]
-enum Edition {
-    #[default]
-    #[value(name = "2002")]
-    Of2002,
-    #[value(name = "2019")]
-    Of2019,
-}
-
-impl Choices {
-    fn options(&self) -> Options {
-        let mut options = Options::default();
-        options.rays.band_edges_nm = self.bands.as_ref().map(|bands| bands.edges_nm().to_vec());
-        options.hull.resolution = self.resolution;
-        options.hull.max_edge_mm = self.max_edge;
-        options.flux.smoothing = !self.no_smoothing;
-        options.goniogram.zones = self.zones;
-        options.goniogram.nadir = self.nadir;
-        options.goniogram.c0 = self.c0;
-        options.goniogram.gamma_step_deg = self.gamma_step;
-        options.goniogram.c_step_deg = self.c_step;
-        options.goniogram.smoothing = !self.no_smoothing;
-        options.artifacts.spectra = match self.spectra {
-            SpectraPlace::Auto => Spectra::Auto,
-            SpectraPlace::Both => Spectra::Both,
-            SpectraPlace::Attributes => Spectra::Attributes,
-            SpectraPlace::Extras => Spectra::Extras,
-        };
-        options.artifacts.ies_edition = match self.ies_edition {
-            Edition::Of2002 => IesEdition::Lm63Of2002,
-            Edition::Of2019 => IesEdition::Lm63Of2019,
-        };
-        options
-    }
-}
-
 /// Builds the model, writes its files, prints the closing table on stdout.
 ///
 /// # Errors
 /// Files that cannot be read or are refused; options that cannot be used; a disk that says no.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let mut options = arguments.choices.options();
+    let mut options = arguments.choices.0.clone();
     options.rays.total = arguments.total;
     options.validate()?;
     let folder = &arguments.output;
@@ -282,6 +198,9 @@ fn time_rows(table: &mut Table, times: &[(Stage, Duration)], rays: u64) {
 mod tests {
     use super::*;
     use clap::Parser;
+    use pipeline::Options;
+    use pipeline::options::{IesEdition, Spectra, Zones};
+    use pipeline::vocabulary::space::Axis;
 
     #[derive(Parser)]
     struct Line {
@@ -291,7 +210,7 @@ mod tests {
 
     fn options(flags: &str) -> Result<Options, clap::Error> {
         let line = format!("build a.ray -o out {flags}");
-        Line::try_parse_from(line.split_whitespace()).map(|line| line.build.choices.options())
+        Line::try_parse_from(line.split_whitespace()).map(|line| line.build.choices.0)
     }
 
     #[test]
@@ -306,16 +225,16 @@ mod tests {
         let mut expected = Options::default();
         expected.hull.resolution = Some(40);
         expected.hull.max_edge_mm = Some(0.5);
-        expected.goniogram.zones = Some((4, 2));
-        expected.goniogram.nadir = Some(Axis::NegZ);
-        expected.goniogram.c0 = Some(Axis::PosY);
+        expected.goniogram.zones = Some(Zones { columns: 4, rows: 2 });
+        expected.goniogram.nadir_axis = Some(Axis::NegZ);
+        expected.goniogram.c0_axis = Some(Axis::PosY);
         expected.goniogram.gamma_step_deg = Some(2.5);
         expected.goniogram.c_step_deg = Some(15.0);
         expected.rays.band_edges_nm = Some((0..=15).map(|k| 400.0 + 20.0 * f64::from(k)).collect());
-        expected.flux.smoothing = false;
-        expected.goniogram.smoothing = false;
-        expected.artifacts.spectra = Spectra::Extras;
-        expected.artifacts.ies_edition = IesEdition::Lm63Of2019;
+        expected.flux.smoothing = Some(false);
+        expected.goniogram.smoothing = Some(false);
+        expected.artifacts.spectra = Some(Spectra::Extras);
+        expected.artifacts.ies_edition = Some(IesEdition::Lm63Of2019);
         assert_eq!(options(given).unwrap(), expected);
     }
 

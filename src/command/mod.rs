@@ -13,6 +13,8 @@ mod stores;
 pub mod serve;
 /// `build`: the pipeline without a server.
 pub mod build;
+/// The pipeline's options as flags.
+mod choices;
 /// `inspect`: what a file says, and what its rays say.
 pub mod inspect;
 /// `convert`: a ray file as another.

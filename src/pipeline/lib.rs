@@ -75,7 +75,7 @@ pub struct Outcome {
 pub fn run(inputs: &[Input], options: &Options, limits: &Limits, watch: &dyn Watch) -> Result<Outcome, Error> {
     options.validate()?;
     let source = Source::read(inputs, &options.rays, limits, StageWatch::enter(watch, Stage::Rays)?)?;
-    let cloud = hull::cloud::emission(&source, options.hull.emission);
+    let cloud = hull::cloud::emission(&source, options.hull.emission.unwrap_or_default());
     let hull = hull::wrap(&cloud, &options.hull, limits, StageWatch::enter(watch, Stage::Hull)?)?;
     let surface = flux::project(&cloud, &hull, &options.flux, limits, StageWatch::enter(watch, Stage::Flux)?)?;
     let goniograms = goniogram::measure(

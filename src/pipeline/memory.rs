@@ -69,7 +69,7 @@ pub fn estimate(files: &[(&Claims, &Declared)], options: &Options, threads: usiz
     let threads = threads.max(1) as f64;
     let hull = LATTICE_CELL * cells + vertices * (HULL_VERTEX + HULL_VERTEX_THREAD * threads);
     let rest = vertices * VERTEX
-        + spectrum.of_vertices(vertices, options.artifacts.spectra)
+        + spectrum.of_vertices(vertices, options.artifacts.spectra.unwrap_or_default())
         + directions(rays, &spectrum, options);
     MemoryNeed {
         bytes: (PROCESS + THREAD * threads + f64::max(hull, rest)) as u64,
@@ -93,11 +93,11 @@ fn surface(rays: f64, asked: Option<f64>) -> (f64, f64) {
 /// What zones and their goniograms need.
 fn directions(rays: f64, spectrum: &Spectrum, options: &Options) -> f64 {
     let options = &options.goniogram;
-    let zones = options.zones.map(|(columns, rows)| f64::from(columns) * f64::from(rows));
+    let zones = options.zones.map(|zones| f64::from(zones.columns) * f64::from(zones.rows));
     let zones = zones.unwrap_or((rays / RAYS_PER_ZONE).clamp(1.0, ZONES));
     let gamma_deg = options.gamma_step_deg.unwrap_or(GAMMA_DEG);
     let cells = 180.0 / gamma_deg * 360.0 / options.c_step_deg.unwrap_or(C_DEG);
-    let links = if options.smoothing { (REACH * cells * cells).min(MOST_LINKS) } else { 0.0 };
+    let links = if options.smooths() { (REACH * cells * cells).min(MOST_LINKS) } else { 0.0 };
     zones * (CELL * cells + ZONE_BAND * spectrum.bands + ZONE_COLUMN * spectrum.columns) + LINK * links
 }
 
@@ -131,6 +131,7 @@ impl Spectrum {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::options::Zones;
     use crate::vocabulary::declaration::Column;
     use crate::vocabulary::spectrum::Table;
     use serde_json::json;
@@ -161,7 +162,7 @@ mod tests {
     #[test]
     fn it_bounds_what_was_measured() {
         let zoned = |options: &mut Options| {
-            (options.goniogram.zones, options.rays.band_edges_nm) = (Some((8, 8)), bands(4096));
+            (options.goniogram.zones, options.rays.band_edges_nm) = (Some(Zones { columns: 8, rows: 8 }), bands(4096));
         };
         let fine = |options: &mut Options| {
             (options.goniogram.gamma_step_deg, options.goniogram.c_step_deg) = (Some(0.5), Some(4.0));
@@ -178,7 +179,15 @@ mod tests {
             ("hemisphere", 1_000_000, plain, 2, with(|o| o.rays.band_edges_nm = bands(4096)), 820.0, 3.0),
             ("hemisphere", 1_000_000, plain, 2, with(zoned), 1117.0, 3.0),
             ("hemisphere", 1_000_000, plain, 2, with(fine), 306.0, 2.5),
-            ("hemisphere", 1_000_000, plain, 2, with(|o| o.goniogram.zones = Some((32, 32))), 190.0, 3.0),
+            (
+                "hemisphere",
+                1_000_000,
+                plain,
+                2,
+                with(|o| o.goniogram.zones = Some(Zones { columns: 32, rows: 32 })),
+                190.0,
+                3.0,
+            ),
             ("hemisphere", 600_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(2500)), 975.0, 3.0),
             ("hemisphere", 100_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(4096)), 426.0, 2.5),
             ("hemisphere", 600_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(1000)), 429.0, 3.0),

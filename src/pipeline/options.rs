@@ -1,14 +1,30 @@
-//! Everything a caller may choose: ranges, defaults, and how a choice is echoed in the report.
+//! Everything a caller may choose, once: names, ranges, defaults. Requests and stored jobs are read as these structs; the contract,
+//! the flags of `build` and the report's echo follow from them. What is left out is the default.
 
 use crate::error::{Error, Place};
 use crate::vocabulary::declaration::Total;
 use crate::vocabulary::space::Axis;
 use crate::vocabulary::spectrum::Bands;
-use serde::Serialize;
+use schemars::{JsonSchema, Schema, schema_for};
+use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
 
-/// Everything a caller may choose. `Default` is what a new user gets; every choice is echoed in the report.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+/// Most spectral bands.
+const MOST_BANDS: usize = 4096;
+/// Cells along the longest edge of the emission's box.
+const RESOLUTION: RangeInclusive<u32> = 4..=256;
+/// Zones along one side of the lattice.
+const ZONES_ALONG: RangeInclusive<u32> = 1..=32;
+/// Step of γ, degrees.
+const GAMMA_STEP_DEG: RangeInclusive<f64> = 0.5..=30.0;
+/// Step of C, degrees.
+const C_STEP_DEG: RangeInclusive<f64> = 1.0..=90.0;
+/// Most cells of an angular grid: more than any reader of IES files wants.
+const MOST_CELLS: usize = 40_000;
+
+/// Everything a client may choose.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
 pub struct Options {
     /// How rays are read.
     pub rays: RaysOptions,
@@ -22,6 +38,120 @@ pub struct Options {
     pub artifacts: ArtifactsOptions,
 }
 
+/// How rays are read.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RaysOptions {
+    /// Edges of the spectral bands, nm: 2 to 4097, positive, strictly increasing. Default: 380 to 780 in 10 nm, wider
+    /// where the rays are.
+    #[schemars(length(min = 2, max = MOST_BANDS + 1), example = some_edges())]
+    pub band_edges_nm: Option<Vec<f64>>,
+    /// Total flux of the source, of which every channel declares its share; said with the channels, not among the options.
+    /// Default: the channels' own fluxes hold.
+    #[serde(skip)]
+    pub total: Option<Total>,
+}
+
+/// How emission points become a surface.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct HullOptions {
+    /// Where light is taken to start. Default: origins.
+    pub emission: Option<Emission>,
+    /// Cells along the longest edge of the emission's box. Default: from the number of rays.
+    #[schemars(range(min = *RESOLUTION.start(), max = *RESOLUTION.end()))]
+    pub resolution: Option<u32>,
+    /// Longest edge of a stitched or filled triangle, mm: the size filter [мера фильтрации]. Default: from the cell size.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub max_edge_mm: Option<f64>,
+}
+
+/// How rays are laid on the surface.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct FluxOptions {
+    /// Smooths the exitance (Shepard). Default: true.
+    pub smoothing: Option<bool>,
+}
+
+/// How zones and their goniograms are made.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct GoniogramOptions {
+    /// The zone lattice. Default: from the density of the rays, at most 16 zones.
+    pub zones: Option<Zones>,
+    /// The source axis at γ = 0. Default: the one nearest the direction of maximum intensity.
+    pub nadir_axis: Option<Axis>,
+    /// The source axis at C0; not the nadir's own. Default: the next one in cyclic order.
+    pub c0_axis: Option<Axis>,
+    /// Step of γ, degrees; divides 180. Default: from the beam's width.
+    #[schemars(range(min = *GAMMA_STEP_DEG.start(), max = *GAMMA_STEP_DEG.end()))]
+    pub gamma_step_deg: Option<f64>,
+    /// Step of C, degrees; divides 360. Default: 10.
+    #[schemars(range(min = *C_STEP_DEG.start(), max = *C_STEP_DEG.end()))]
+    pub c_step_deg: Option<f64>,
+    /// Smooths on the grid. Default: true.
+    pub smoothing: Option<bool>,
+}
+
+/// How results are written.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ArtifactsOptions {
+    /// Where vertex spectra go in the glTF. Default: auto.
+    pub spectra: Option<Spectra>,
+    /// Edition of the IES files. Default: LM-63-2002.
+    pub ies_edition: Option<IesEdition>,
+}
+
+/// A regular lattice of zones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Zones {
+    /// Zones along C0.
+    #[schemars(range(min = *ZONES_ALONG.start(), max = *ZONES_ALONG.end()))]
+    pub columns: u32,
+    /// Zones along C90.
+    #[schemars(range(min = *ZONES_ALONG.start(), max = *ZONES_ALONG.end()))]
+    pub rows: u32,
+}
+
+/// Where light is taken to start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Emission {
+    /// The ray origins as given: the paper's form.
+    #[default]
+    Origins,
+}
+
+/// Where vertex spectra go in the glTF.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Spectra {
+    /// In both places, up to 2 million numbers; above, in attributes.
+    #[default]
+    Auto,
+    /// Attributes and extras.
+    Both,
+    /// Vertex attributes only (`_SPECTRUM_nnn`).
+    Attributes,
+    /// Extras only (`extras.emitter`).
+    Extras,
+}
+
+/// Edition of LM-63.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum IesEdition {
+    /// What every reader accepts.
+    #[default]
+    #[serde(rename = "LM-63-2002")]
+    Lm63Of2002,
+    /// The newest.
+    #[serde(rename = "LM-63-2019")]
+    Lm63Of2019,
+}
+
 impl Options {
     /// Whether these choices can be right for some source: ranges and contradictions, found before anything is read.
     ///
@@ -32,16 +162,23 @@ impl Options {
         self.hull.validate()?;
         self.goniogram.validate()
     }
-}
 
-/// How rays are read.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct RaysOptions {
-    /// Edges of the spectral bands, nm, strictly increasing. Default: 380..780 in 10 nm, wider (at whole 10 nm) where the rays
-    /// are.
-    pub band_edges_nm: Option<Vec<f64>>,
-    /// Total flux of the source, of which every channel declares its share. Default: the channels' own fluxes hold.
-    pub total: Option<Total>,
+    /// These choices, with the default in the place of what was left out where that does not depend on the source.
+    #[must_use]
+    pub fn with_defaults(&self) -> Options {
+        let mut all = self.clone();
+        all.hull.emission.get_or_insert_default();
+        all.flux.smoothing.get_or_insert(true);
+        all.goniogram.smoothing.get_or_insert(true);
+        all.artifacts.spectra.get_or_insert_default();
+        all.artifacts.ies_edition.get_or_insert_default();
+        all
+    }
+
+    /// The JSON schema of what a client may choose, for the contract and for command lines.
+    pub fn schema() -> Schema {
+        schema_for!(Options)
+    }
 }
 
 impl RaysOptions {
@@ -68,24 +205,15 @@ impl RaysOptions {
     }
 }
 
-/// Most spectral bands.
-const MOST_BANDS: usize = 4096;
+/// Edges as a client may give them.
+fn some_edges() -> [f64; 5] {
+    [380.0, 480.0, 580.0, 680.0, 780.0]
+}
 
 /// The error of bands that cannot be made.
 pub fn bad_bands(found: String) -> Error {
     let remedy = format!("Give 2 to {} positive wavelengths in nm, each larger than the last.", MOST_BANDS + 1);
     Error::unusable("options.band_edges", "rays.band_edges_nm", found, remedy)
-}
-
-/// How emission points become a surface.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct HullOptions {
-    /// Where light is taken to start.
-    pub emission: Emission,
-    /// Cells along the longest edge of the cloud's box, 4..=256. Default: from the number of rays per occupied cell.
-    pub resolution: Option<u32>,
-    /// The size filter [мера фильтрации]: longest edge of a stitched or filled triangle, mm. Default: from the cell size.
-    pub max_edge_mm: Option<f64>,
 }
 
 impl HullOptions {
@@ -94,12 +222,12 @@ impl HullOptions {
     /// # Errors
     /// [`Error::Unusable`].
     pub fn validate(&self) -> Result<(), Error> {
-        if let Some(resolution) = self.resolution.filter(|resolution| !(4..=256).contains(resolution)) {
+        if let Some(resolution) = self.resolution.filter(|resolution| !RESOLUTION.contains(resolution)) {
             return Err(Error::unusable(
                 "options.hull_resolution",
                 "hull.resolution",
                 format!("The hull's resolution is {resolution} cells."),
-                "Choose 4 to 256 cells, or leave it out.",
+                format!("Choose {} to {} cells, or leave it out.", RESOLUTION.start(), RESOLUTION.end()),
             ));
         }
         if let Some(edge) = self.max_edge_mm.filter(|edge| !(edge.is_finite() && *edge > 0.0)) {
@@ -114,77 +242,40 @@ impl HullOptions {
     }
 }
 
-/// Where light is taken to start.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Emission {
-    /// The ray origins as given: the paper's form.
-    #[default]
-    Origins,
-}
-
-/// How rays are laid on the surface.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct FluxOptions {
-    /// Shepard smoothing of the exitance.
-    pub smoothing: bool,
-}
-
-impl Default for FluxOptions {
-    fn default() -> FluxOptions {
-        FluxOptions { smoothing: true }
+impl FluxOptions {
+    /// Whether the exitance is smoothed.
+    pub fn smooths(&self) -> bool {
+        self.smoothing.unwrap_or(true)
     }
 }
-
-/// How zones and their goniograms are made.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct GoniogramOptions {
-    /// Zones along C0 and across it, 1..=32 each. Default: at most 16 zones, from the rays' density.
-    pub zones: Option<(u32, u32)>,
-    /// The source axis at γ = 0. Default: the axis nearest the direction of maximum intensity.
-    pub nadir: Option<Axis>,
-    /// The source axis at C0. Default: the next axis in cyclic order.
-    pub c0: Option<Axis>,
-    /// Step of γ, degrees; 180 is a whole multiple of it; 0.5..=30. Default: from the beam's width.
-    pub gamma_step_deg: Option<f64>,
-    /// Step of C, degrees; 360 is a whole multiple of it; 1..=90. Default 10.
-    pub c_step_deg: Option<f64>,
-    /// Smoothing on the grid.
-    pub smoothing: bool,
-}
-
-impl Default for GoniogramOptions {
-    fn default() -> GoniogramOptions {
-        GoniogramOptions { zones: None, nadir: None, c0: None, gamma_step_deg: None, c_step_deg: None, smoothing: true }
-    }
-}
-
-/// Most zones along a side of the lattice.
-pub const MOST_ZONES_ALONG: u32 = 32;
-/// Most cells of an angular grid: more than any reader of IES files wants.
-const MOST_CELLS: usize = 40_000;
 
 impl GoniogramOptions {
+    /// Whether the intensities are smoothed.
+    pub fn smooths(&self) -> bool {
+        self.smoothing.unwrap_or(true)
+    }
+
     /// What can be said of the options without a source.
     ///
     /// # Errors
     /// [`Error::Unusable`] naming the option.
     pub fn validate(&self) -> Result<(), Error> {
-        if let Some((columns, rows)) = self.zones {
+        if let Some(Zones { columns, rows }) = self.zones {
             for (option, count) in [("goniogram.zones.columns", columns), ("goniogram.zones.rows", rows)] {
-                if !(1..=MOST_ZONES_ALONG).contains(&count) {
+                if !ZONES_ALONG.contains(&count) {
                     let found = format!("{columns} x {rows} zones were asked for.");
-                    return Err(Error::unusable("options.zones", option, found, "Ask for 1 to 32 each way."));
+                    let remedy = format!("Ask for {} to {} each way.", ZONES_ALONG.start(), ZONES_ALONG.end());
+                    return Err(Error::unusable("options.zones", option, found, remedy));
                 }
             }
         }
-        if let (Some(nadir), Some(c0)) = (self.nadir, self.c0)
+        if let (Some(nadir), Some(c0)) = (self.nadir_axis, self.c0_axis)
             && nadir.component() == c0.component()
         {
             return Err(parallel(nadir, c0));
         }
-        let gamma = whole_steps(self.gamma_step_deg, 180.0, 0.5..=30.0, "goniogram.gamma_step_deg")?;
-        let c = whole_steps(self.c_step_deg, 360.0, 1.0..=90.0, "goniogram.c_step_deg")?;
+        let gamma = whole_steps(self.gamma_step_deg, 180.0, GAMMA_STEP_DEG, "goniogram.gamma_step_deg")?;
+        let c = whole_steps(self.c_step_deg, 360.0, C_STEP_DEG, "goniogram.c_step_deg")?;
         if let (Some(gamma), Some(c)) = (gamma, c)
             && gamma * c > MOST_CELLS
         {
@@ -221,42 +312,6 @@ pub fn whole_steps(
 pub fn parallel(nadir: Axis, c0: Axis) -> Error {
     let found = format!("C0 at {} does not lie across γ = 0 at {}.", c0.name(), nadir.name());
     Error::unusable("options.c0_axis", "goniogram.c0_axis", found, "Choose a c0_axis at right angles to nadir_axis.")
-}
-
-/// How results are written.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct ArtifactsOptions {
-    /// Where vertex spectra go in the glTF.
-    pub spectra: Spectra,
-    /// Edition of the IES files.
-    pub ies_edition: IesEdition,
-}
-
-/// Where vertex spectra go in the glTF.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Spectra {
-    /// In both, up to 2 million numbers; above, in attributes.
-    #[default]
-    Auto,
-    /// Attributes and extras.
-    Both,
-    /// `_SPECTRUM_nnn` attributes only.
-    Attributes,
-    /// `extras.emitter` only.
-    Extras,
-}
-
-/// Edition of LM-63.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub enum IesEdition {
-    /// LM-63-2002: what every reader accepts.
-    #[default]
-    #[serde(rename = "LM-63-2002")]
-    Lm63Of2002,
-    /// LM-63-2019.
-    #[serde(rename = "LM-63-2019")]
-    Lm63Of2019,
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use pipeline::goniogram::{Goniogram, SphereGrid};
 use pipeline::known_sources::shape::Shape;
 use pipeline::known_sources::{KnownSource, all, by_name, write_tm25};
 use pipeline::model::Model;
+use pipeline::options::Zones;
 use pipeline::vocabulary::space::{Axis, Frame};
 use pipeline::{Declared, Input, Limits, Options, Outcome, Unwatched, run};
 use std::f64::consts::{PI, TAU};
@@ -30,8 +31,8 @@ fn outcome(source: &KnownSource, rays: u64, options: &Options) -> Outcome {
 
 fn unsmoothed() -> Options {
     let mut options = Options::default();
-    options.flux.smoothing = false;
-    options.goniogram.smoothing = false;
+    options.flux.smoothing = Some(false);
+    options.goniogram.smoothing = Some(false);
     options
 }
 
@@ -159,7 +160,7 @@ fn zones_of_a_uniform_chip_share_its_flux_by_area() {
 fn quadrants_of_the_dome_are_the_integral_of_its_radiance() {
     let source = by_name("dome").unwrap();
     let mut options = unsmoothed();
-    options.goniogram.zones = Some((2, 2));
+    options.goniogram.zones = Some(Zones { columns: 2, rows: 2 });
     options.hull.resolution = Some(47);
     let model = outcome(&source, RAYS, &options).model;
     let Shape::Dome { radius_mm, .. } = source.parts()[0].shape else { panic!("the dome is a dome") };
@@ -212,9 +213,9 @@ fn quadrants_of_the_dome_are_the_integral_of_its_radiance() {
 fn halves_of_the_cylinder_mirror_each_other() {
     let source = by_name("cylinder").unwrap();
     let mut options = unsmoothed();
-    options.goniogram.nadir = Some(Axis::PosX);
-    options.goniogram.c0 = Some(Axis::PosZ);
-    options.goniogram.zones = Some((2, 1));
+    options.goniogram.nadir_axis = Some(Axis::PosX);
+    options.goniogram.c0_axis = Some(Axis::PosZ);
+    options.goniogram.zones = Some(Zones { columns: 2, rows: 1 });
     options.hull.resolution = Some(47);
     let model = outcome(&source, RAYS, &options).model;
     assert_eq!(model.hull.boundary_edges(), 0, "a glowing volume has a closed hull");
@@ -246,11 +247,11 @@ fn a_turned_source_gives_a_turned_model() {
         let upright = outcome(&source, 200_000, &options).model;
         for axis in Axis::ALL {
             // The strip looks between two axes: which of them is nearer is chance, so it is told where to look.
-            options.goniogram.nadir = (name == "tilted-strip").then_some(axis);
+            options.goniogram.nadir_axis = (name == "tilted-strip").then_some(axis);
             let turned = outcome(&source.clone().rotate(axis), 200_000, &options).model;
             assert_eq!(turned.goniograms.frame, Frame::looking(axis), "{name} to {}", axis.name());
             let reference = if name == "tilted-strip" {
-                options.goniogram.nadir = Some(Axis::PosZ);
+                options.goniogram.nadir_axis = Some(Axis::PosZ);
                 outcome(&source, 200_000, &options).model
             } else {
                 upright.clone()

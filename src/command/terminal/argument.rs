@@ -3,12 +3,6 @@
 use pipeline::vocabulary::space::Axis;
 use pipeline::vocabulary::spectrum::Bands;
 
-/// `4x4`: columns x rows.
-pub fn zones(text: &str) -> Result<(u32, u32), String> {
-    let sides = text.split_once(['x', 'X']).and_then(|(c, r)| Some((c.parse().ok()?, r.parse().ok()?)));
-    sides.ok_or_else(|| "write columns x rows, as 4x4".to_owned())
-}
-
 /// `+Z`.
 pub fn axis(text: &str) -> Result<Axis, String> {
     Axis::parse(text).ok_or_else(|| "write one of +X -X +Y -Y +Z -Z".to_owned())

@@ -41,7 +41,14 @@ pub fn artifacts(model: &Model, options: &RunOptions) -> Vec<Artifact> {
         .chain(zones)
         .filter_map(|(name, part, goniogram, bounds_mm)| {
             let candela = goniogram.luminous_cd.as_ref().filter(|_| model.is_visible())?;
-            let sheet = Sheet { model, edition: options.artifacts.ies_edition, part, goniogram, candela, bounds_mm };
+            let sheet = Sheet {
+                model,
+                edition: options.artifacts.ies_edition.unwrap_or_default(),
+                part,
+                goniogram,
+                candela,
+                bounds_mm,
+            };
             Some(Artifact { name, media_type: "application/x-ies-lm-63", bytes: sheet.lines().into_bytes() })
         })
         .collect()
@@ -215,7 +222,7 @@ mod tests {
     #[test]
     fn the_2019_edition_has_its_own_tag_and_generation_type() {
         let mut options = RunOptions::default();
-        options.artifacts.ies_edition = IesEdition::Lm63Of2019;
+        options.artifacts.ies_edition = Some(IesEdition::Lm63Of2019);
         let text = text_of(&tiny([1.0; 6]), &options);
         assert!(text.starts_with("IES:LM-63-2019\r\n") && text.contains("\r\n1 1.00010 0\r\n"), "{text}");
     }

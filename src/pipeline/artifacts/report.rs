@@ -9,7 +9,8 @@ use crate::goniogram::Zone;
 use crate::hull::Label;
 use crate::model::Model;
 use crate::model::channel::Origin;
-use crate::options::Options as RunOptions;
+use crate::options::{ArtifactsOptions, FluxOptions, GoniogramOptions, HullOptions, Options as RunOptions};
+use crate::vocabulary::declaration::Total;
 use crate::vocabulary::notice::Notice;
 use crate::vocabulary::units::{Flux, LengthUnit};
 use crate::writing::number::{ARRAY_DIGITS, Numbers, sum};
@@ -28,7 +29,7 @@ pub fn artifact(model: &Model, options: &RunOptions, notices: &[Notice]) -> Resu
         schema: "urn:lampwright:report:1",
         generator: GENERATOR,
         inputs: model.origins.iter().map(|origin| InputFacts::new(origin, &model.flux)).collect(),
-        options,
+        options: OptionsFacts::new(options),
         flux: FluxFacts::new(&model.flux),
         balance: BalanceFacts::new(&model.surface.balance),
         hull: HullFacts::new(model),
@@ -44,13 +45,37 @@ struct Report<'a> {
     schema: &'static str,
     generator: Generator,
     inputs: Vec<InputFacts<'a>>,
-    options: &'a RunOptions,
+    options: OptionsFacts<'a>,
     flux: FluxFacts,
     balance: BalanceFacts,
     hull: HullFacts,
     goniogram: GoniogramFacts,
     spectrum: SpectrumFacts<'a>,
     notices: Vec<&'a Notice>,
+}
+
+/// Every choice of the caller, defaults included.
+#[derive(Serialize)]
+struct OptionsFacts<'a> {
+    rays: RaysFacts<'a>,
+    hull: HullOptions,
+    flux: FluxOptions,
+    goniogram: GoniogramOptions,
+    artifacts: ArtifactsOptions,
+}
+
+#[derive(Serialize)]
+struct RaysFacts<'a> {
+    band_edges_nm: &'a Option<Vec<f64>>,
+    total: Option<Total>,
+}
+
+impl<'a> OptionsFacts<'a> {
+    fn new(options: &'a RunOptions) -> OptionsFacts<'a> {
+        let RunOptions { hull, flux, goniogram, artifacts, .. } = options.with_defaults();
+        let rays = RaysFacts { band_edges_nm: &options.rays.band_edges_nm, total: options.rays.total };
+        OptionsFacts { rays, hull, flux, goniogram, artifacts }
+    }
 }
 
 #[derive(Serialize)]

@@ -87,7 +87,7 @@ pub fn project(
     cloud.fold(watch.part(0.0, 0.9), (), lay, |(), ()| ())?;
     let (triangles, mut vertices) = (triangles.amounts(), vertices.amounts());
     let mut balance = account(cloud, &fates.amounts(), &triangles, &vertices);
-    if options.smoothing {
+    if options.smooths() {
         watch.step(0.9)?;
         let smoother = Smoother::new(&sites(hull, &vertices), reach(hull));
         vertices.map(|amounts| smoother.apply(amounts));

@@ -66,10 +66,10 @@ pub fn measure(
     watch: StageWatch<'_>,
 ) -> Result<Goniograms, Error> {
     let frame = orientation::frame(&cloud.source.survey.directions, options)?;
-    let zoning = Zoning::new(hull, surface, frame, options.zones);
+    let zoning = Zoning::new(hull, surface, frame, options.zones.map(|zones| (zones.columns, zones.rows)));
     let grids = Grids::new(&cloud.source.survey.directions, options);
     let (fine, spectral) = collect(cloud, hull, &zoning, &grids, limits, watch.part(0.0, 0.8))?;
-    let measured = grids.measured(&fine, &spectral, options.smoothing, watch.part(0.8, 1.0))?;
+    let measured = grids.measured(&fine, &spectral, options.smooths(), watch.part(0.8, 1.0))?;
     let spectrum = &cloud.source.spectral;
     let zones = zoning.zones.into_iter().zip(&measured);
     let zones = zones.map(|(zone, own)| Zone { goniogram: grids.goniogram(own, spectrum), ..zone }).collect();

@@ -14,8 +14,8 @@ const SIGMAS: f64 = 4.0;
 /// # Errors
 /// [`Error::Unusable`] when γ = 0 and C0 were asked for along one line.
 pub fn frame(directions: &DirectionCube, options: &GoniogramOptions) -> Result<Frame, Error> {
-    let looking = Frame::looking(options.nadir.unwrap_or_else(|| brightest(directions)));
-    let frame = Frame { c0: options.c0.unwrap_or(looking.c0), ..looking };
+    let looking = Frame::looking(options.nadir_axis.unwrap_or_else(|| brightest(directions)));
+    let frame = Frame { c0: options.c0_axis.unwrap_or(looking.c0), ..looking };
     if frame.c0.component() == frame.nadir.component() {
         return Err(parallel(frame.nadir, frame.c0));
     }

@@ -14,6 +14,7 @@ use axum::Json;
 use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use pipeline::Options;
 use pipeline::Stage;
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -66,7 +67,8 @@ pub struct Job {
     #[schema(required)]
     total: Option<TotalFlux>,
     /// What was chosen; null means from the rays.
-    options: JobOptions,
+    #[schema(value_type = JobOptions)]
+    options: Options,
     /// Before which of its tenant's other jobs it comes.
     priority: Priority,
     /// Longest that an attempt may take, s; null is the service's own limit.

@@ -91,7 +91,8 @@ impl Known {
 /// # Errors
 /// [`Error::MissingRaySet`], [`Error::MissingSpectrum`], [`Error::Unfit`], [`Error::Storage`].
 pub async fn prospect(records: &Records, tenant: &str, new: &NewJob, threads: usize) -> Result<Prospect, Error> {
-    let mut options = new.options.resolve()?;
+    let mut options = new.options.clone();
+    options.validate()?;
     options.rays.total = new.total.map(TotalFlux::total);
     let mut known = Vec::new();
     for (index, channel) in new.channels.iter().enumerate() {

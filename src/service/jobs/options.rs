@@ -1,219 +1,108 @@
-//! What a client may choose, as sent and as stored. Every field may be left out; what is left out is the pipeline's
-//! default. The pipeline says what can be used, here before anything is queued.
+//! What a client may choose, in the contract: the schema is the pipeline's own, its parts are components.
 
-use pipeline::Axis;
-use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
+use pipeline::options::Options;
+use serde_json::{Map, Value, json};
+use std::borrow::Cow;
+use utoipa::openapi::{RefOr, Schema};
+use utoipa::{PartialSchema, ToSchema};
 
-/// Everything a client may choose.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct JobOptions {
-    /// How rays are read.
-    #[schema(nullable)]
-    pub rays: RaysOptions,
-    /// How emission points become a surface.
-    #[schema(nullable)]
-    pub hull: HullOptions,
-    /// How rays are laid on the surface.
-    #[schema(nullable)]
-    pub flux: FluxOptions,
-    /// How zones and their goniograms are made.
-    #[schema(nullable)]
-    pub goniogram: GoniogramOptions,
-    /// How results are written.
-    #[schema(nullable)]
-    pub artifacts: ArtifactsOptions,
-}
+/// The options of a job as the contract calls them: [`Options`], of which every field may be null or left out.
+pub struct JobOptions;
 
-/// How rays are read.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct RaysOptions {
-    /// Edges of the spectral bands, nm: 2 to 4097, positive, strictly increasing. Default: 380 to 780 in 10 nm, wider
-    /// where the rays are.
-    #[schema(min_items = 2, max_items = 4097, example = json!([380.0, 480.0, 580.0, 680.0, 780.0]))]
-    pub band_edges_nm: Option<Vec<f64>>,
-}
-
-/// How emission points become a surface.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct HullOptions {
-    /// Where light is taken to start. Default: origins.
-    pub emission: Option<Emission>,
-    /// Cells along the longest edge of the emission's box. Default: from the number of rays.
-    #[schema(minimum = 4, maximum = 256)]
-    pub resolution: Option<u32>,
-    /// Longest edge of a stitched or filled triangle, mm. Default: from the cell size.
-    #[schema(exclusive_minimum = 0.0)]
-    pub max_edge_mm: Option<f64>,
-}
-
-/// How rays are laid on the surface.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct FluxOptions {
-    /// Smooths the exitance. Default: true.
-    pub smoothing: Option<bool>,
-}
-
-/// How zones and their goniograms are made.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct GoniogramOptions {
-    /// The zone lattice. Default: from the density of the rays, at most 16 zones.
-    pub zones: Option<Zones>,
-    /// The source axis at γ = 0. Default: the one nearest the direction of maximum intensity.
-    pub nadir_axis: Option<AxisName>,
-    /// The source axis at C0; not the nadir's own. Default: the next one in cyclic order.
-    pub c0_axis: Option<AxisName>,
-    /// Step of γ, degrees; divides 180. Default: from the beam's width.
-    #[schema(minimum = 0.5, maximum = 30)]
-    pub gamma_step_deg: Option<f64>,
-    /// Step of C, degrees; divides 360. Default: 10.
-    #[schema(minimum = 1, maximum = 90)]
-    pub c_step_deg: Option<f64>,
-    /// Smooths on the grid. Default: true.
-    pub smoothing: Option<bool>,
-}
-
-/// How results are written.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct ArtifactsOptions {
-    /// Where vertex spectra go in the glTF. Default: auto.
-    pub spectra: Option<Spectra>,
-    /// Edition of the IES files. Default: LM-63-2002.
-    pub ies_edition: Option<IesEdition>,
-}
-
-/// A regular lattice of zones.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Zones {
-    /// Zones along C0.
-    #[schema(minimum = 1, maximum = 32)]
-    pub columns: u32,
-    /// Zones along C90.
-    #[schema(minimum = 1, maximum = 32)]
-    pub rows: u32,
-}
-
-/// Where light is taken to start.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Emission {
-    /// The ray origins as given.
-    Origins,
-}
-
-/// A signed axis of the source frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[expect(missing_docs, reason = "the names say it")]
-pub enum AxisName {
-    #[serde(rename = "+X")]
-    PosX,
-    #[serde(rename = "-X")]
-    NegX,
-    #[serde(rename = "+Y")]
-    PosY,
-    #[serde(rename = "-Y")]
-    NegY,
-    #[serde(rename = "+Z")]
-    PosZ,
-    #[serde(rename = "-Z")]
-    NegZ,
-}
-
-/// Where vertex spectra go in the glTF.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Spectra {
-    /// In both places, up to 2 million numbers; above, in attributes.
-    Auto,
-    /// Attributes and extras.
-    Both,
-    /// Vertex attributes only.
-    Attributes,
-    /// Extras only.
-    Extras,
-}
-
-/// Edition of LM-63.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-pub enum IesEdition {
-    /// What every reader accepts.
-    #[serde(rename = "LM-63-2002")]
-    Lm63Of2002,
-    /// The newest.
-    #[serde(rename = "LM-63-2019")]
-    Lm63Of2019,
-}
-
-impl JobOptions {
-    /// The pipeline's own words for it.
-    ///
-    /// # Errors
-    /// [`pipeline::Error::Unusable`]: the first choice that no ray set could make right.
-    pub fn resolve(&self) -> Result<pipeline::Options, pipeline::Error> {
-        let mut options = pipeline::Options::default();
-        options.rays.band_edges_nm = self.rays.band_edges_nm.clone();
-        if let Some(Emission::Origins) = self.hull.emission {
-            options.hull.emission = pipeline::Emission::Origins;
-        }
-        options.hull.resolution = self.hull.resolution;
-        options.hull.max_edge_mm = self.hull.max_edge_mm;
-        put(&mut options.flux.smoothing, self.flux.smoothing);
-        let goniogram = &self.goniogram;
-        options.goniogram.zones = goniogram.zones.map(|zones| (zones.columns, zones.rows));
-        options.goniogram.nadir = goniogram.nadir_axis.map(AxisName::axis);
-        options.goniogram.c0 = goniogram.c0_axis.map(AxisName::axis);
-        options.goniogram.gamma_step_deg = goniogram.gamma_step_deg;
-        options.goniogram.c_step_deg = goniogram.c_step_deg;
-        put(&mut options.goniogram.smoothing, goniogram.smoothing);
-        put(&mut options.artifacts.spectra, self.artifacts.spectra.map(Spectra::spectra));
-        put(&mut options.artifacts.ies_edition, self.artifacts.ies_edition.map(IesEdition::edition));
-        options.validate()?;
-        Ok(options)
+impl PartialSchema for JobOptions {
+    fn schema() -> RefOr<Schema> {
+        let mut schema = Options::schema().to_value();
+        for_the_contract(&mut schema);
+        component(schema)
     }
 }
 
-fn put<T>(place: &mut T, choice: Option<T>) {
-    if let Some(choice) = choice {
-        *place = choice;
+impl ToSchema for JobOptions {
+    fn name() -> Cow<'static, str> {
+        "JobOptions".into()
     }
-}
 
-impl AxisName {
-    fn axis(self) -> Axis {
-        match self {
-            AxisName::PosX => Axis::PosX,
-            AxisName::NegX => Axis::NegX,
-            AxisName::PosY => Axis::PosY,
-            AxisName::NegY => Axis::NegY,
-            AxisName::PosZ => Axis::PosZ,
-            AxisName::NegZ => Axis::NegZ,
+    fn schemas(components: &mut Vec<(String, RefOr<Schema>)>) {
+        let mut parts = Options::schema().to_value()["$defs"].take();
+        for (name, part) in parts.as_object_mut().into_iter().flatten() {
+            for_the_contract(part);
+            components.push((name.clone(), component(part.take())));
         }
     }
 }
 
-impl Spectra {
-    fn spectra(self) -> pipeline::Spectra {
-        match self {
-            Spectra::Auto => pipeline::Spectra::Auto,
-            Spectra::Both => pipeline::Spectra::Both,
-            Spectra::Attributes => pipeline::Spectra::Attributes,
-            Spectra::Extras => pipeline::Spectra::Extras,
+fn component(schema: Value) -> RefOr<Schema> {
+    serde_json::from_value(schema).unwrap_or_else(|_| RefOr::T(Schema::default()))
+}
+
+/// Words of JSON Schema as the contract has them: references to components, `oneOf` for a choice, `enum` for constants, and null
+/// for what may be left out.
+fn for_the_contract(schema: &mut Value) {
+    match schema {
+        Value::Object(words) => {
+            for word in ["$schema", "$defs", "title", "default"] {
+                words.remove(word);
+            }
+            if let Some(Value::String(reference)) = words.get_mut("$ref") {
+                *reference = reference.replace("#/$defs/", "#/components/schemas/");
+            }
+            if let Some(choices) = words.remove("anyOf") {
+                words.insert("oneOf".to_owned(), choices);
+            }
+            constants(words);
+            words.values_mut().for_each(for_the_contract);
+            let required = words.get("required").cloned().unwrap_or_default();
+            for (name, property) in words.get_mut("properties").and_then(Value::as_object_mut).into_iter().flatten() {
+                let is_required = required.as_array().is_some_and(|names| names.contains(&json!(name)));
+                if !is_required && property.get("$ref").is_some() {
+                    *property = json!({ "oneOf": [property.take(), { "type": "null" }] });
+                }
+            }
         }
+        Value::Array(items) => items.iter_mut().for_each(for_the_contract),
+        _ => {}
     }
 }
 
-impl IesEdition {
-    fn edition(self) -> pipeline::IesEdition {
-        match self {
-            IesEdition::Lm63Of2002 => pipeline::IesEdition::Lm63Of2002,
-            IesEdition::Lm63Of2019 => pipeline::IesEdition::Lm63Of2019,
+/// A choice between constants is a list of them; what each means stands in the description.
+fn constants(words: &mut Map<String, Value>) {
+    let Some(choices) = words.get("oneOf").and_then(Value::as_array) else { return };
+    let Some(values) = choices.iter().map(|choice| choice["const"].as_str()).collect::<Option<Vec<_>>>() else {
+        return;
+    };
+    let meanings = choices.iter().zip(&values).filter_map(|(choice, value)| {
+        let meaning = choice["description"].as_str()?;
+        Some(format!("{value}: {meaning}"))
+    });
+    let description = words.get("description").and_then(Value::as_str).map(str::to_owned);
+    let description = description.into_iter().chain(meanings).collect::<Vec<_>>().join("\n\n");
+    let values = json!(values);
+    words.remove("oneOf");
+    words.insert("type".to_owned(), json!("string"));
+    words.insert("enum".to_owned(), values);
+    words.insert("description".to_owned(), json!(description));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_contract_has_every_option_and_what_it_may_be() {
+        let schema = serde_json::to_value(JobOptions::schema()).unwrap();
+        assert_eq!(schema["additionalProperties"], json!(false));
+        let mut parts = Vec::new();
+        JobOptions::schemas(&mut parts);
+        let part = |name: &str| {
+            let (_, part) = parts.iter().find(|(known, _)| known == name).unwrap();
+            serde_json::to_value(part).unwrap()
+        };
+        let hull = part("HullOptions");
+        assert_eq!(hull["properties"]["resolution"]["type"], json!(["integer", "null"]));
+        assert_eq!(hull["properties"]["resolution"]["maximum"], json!(256));
+        assert_eq!(part("IesEdition")["enum"], json!(["LM-63-2002", "LM-63-2019"]));
+        for group in ["rays", "hull", "flux", "goniogram", "artifacts"] {
+            assert!(schema["properties"][group]["oneOf"][0]["$ref"].is_string(), "{group}: {schema}");
         }
     }
 }

@@ -1,6 +1,5 @@
 //! What is known of jobs; changes nothing.
 
-use super::options::JobOptions;
 use super::request::{Channel, TotalFlux};
 use super::{Priority, State};
 use crate::failure::{Failure, StoredNotice};
@@ -10,6 +9,7 @@ use crate::storage::error::Error;
 use crate::storage::records::Records;
 use crate::storage::records::statement::{Row, sql};
 use crate::webhooks::deliveries;
+use pipeline::Options;
 use pipeline::Stage;
 use std::collections::HashMap;
 use std::time::Duration;
@@ -29,7 +29,7 @@ pub struct Job {
     /// Total flux of its source, of which the channels have shares.
     pub total: Option<TotalFlux>,
     /// What the client chose.
-    pub options: JobOptions,
+    pub options: Options,
     /// How often it was begun.
     pub attempt: u32,
     /// Somebody asked to cancel it.

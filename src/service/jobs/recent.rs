@@ -276,9 +276,9 @@ fn key(tenant: &str, id: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::jobs::options::JobOptions;
     use crate::jobs::{Priority, State};
     use crate::metadata::Metadata;
+    use pipeline::Options;
 
     fn known(state: State) -> Arc<Known> {
         let queue_position = (state == State::Queued).then_some(1);
@@ -287,7 +287,7 @@ mod tests {
             state,
             channels: Vec::new(),
             total: None,
-            options: JobOptions::default(),
+            options: Options::default(),
             attempt: 0,
             cancel_requested: false,
             stage: None,

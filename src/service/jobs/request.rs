@@ -6,6 +6,7 @@ use super::options::JobOptions;
 use crate::metadata::Metadata;
 use crate::ray_sets::declaration::columns;
 use crate::ray_sets::declaration::{FileDeclaration, LengthUnit, QuantityName};
+use pipeline::Options;
 use pipeline::{Error, FluxOverride, Place, Table};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -22,8 +23,8 @@ pub struct NewJob {
     pub total: Option<TotalFlux>,
     /// What to choose; what is left out is chosen from the rays.
     #[serde(default)]
-    #[schema(nullable)]
-    pub options: JobOptions,
+    #[schema(nullable, value_type = JobOptions)]
+    pub options: Options,
     /// Before which of the tenant's other waiting jobs it comes. Tenants take turns whatever it is. Default: normal.
     #[serde(default)]
     #[schema(nullable)]
@@ -123,7 +124,7 @@ impl NewJob {
         NewJob {
             channels: vec![Channel::of(ray_set)],
             total: None,
-            options: JobOptions::default(),
+            options: Options::default(),
             priority: Priority::default(),
             timeout_s: None,
             metadata: Metadata::default(),

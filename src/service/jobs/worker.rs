@@ -1,7 +1,6 @@
 //! Takes jobs from the queue and computes them: the only caller of [`pipeline::run`], on threads that serve nobody else.
 
 use super::ZIP;
-use super::options::JobOptions;
 use super::query;
 use super::query::StoredArtifact;
 use super::queue::{Beat, Claim, Queue};
@@ -16,6 +15,7 @@ use crate::ray_sets::rows::RaySet;
 use crate::storage::Storage;
 use crate::storage::parts::{Part, Parts};
 use crate::{crash, priority, spectra, storage};
+use pipeline::Options;
 use pipeline::{Artifact, Input, Limits, Notice, Stage, Watch};
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use sha2::{Digest, Sha256};
@@ -39,7 +39,7 @@ pub struct Product {
 
 /// Computes a job. Blocks; called on a rayon pool.
 pub type Runner =
-    Arc<dyn Fn(&[Input], &pipeline::Options, &Limits, &dyn Watch) -> Result<Product, pipeline::Error> + Send + Sync>;
+    Arc<dyn Fn(&[Input], &Options, &Limits, &dyn Watch) -> Result<Product, pipeline::Error> + Send + Sync>;
 
 /// The runner of every real service: [`pipeline::run`], and the zip of what it gave.
 pub fn pipeline_runner() -> Runner {
@@ -238,17 +238,16 @@ impl Worker {
 
     /// Computes and stores; nothing of it is visible until the queue says so.
     async fn work(&self, claim: &Claim, pool: Arc<ThreadPool>, progress: Arc<Progress>) -> Ending {
-        let options: JobOptions = match serde_json::from_str(&claim.options) {
+        let mut options: Options = match serde_json::from_str(&claim.options) {
             Ok(options) => options,
             Err(error) => {
                 tracing::error!(job = claim.id, %error, "a stored job cannot be read");
                 return Ending::Failed(Failure::unreadable_job());
             }
         };
-        let mut options = match options.resolve() {
-            Ok(options) => options,
-            Err(error) => return failed(claim, &error),
-        };
+        if let Err(error) = options.validate() {
+            return failed(claim, &error);
+        }
         let inputs = match self.inputs(claim, &mut options).await {
             Ok(inputs) => inputs,
             Err(error) => return failed(claim, &error),
@@ -271,7 +270,7 @@ impl Worker {
     }
 
     /// The channels of a job as the pipeline's inputs, and the total they have shares of.
-    async fn inputs(&self, claim: &Claim, options: &mut pipeline::Options) -> Result<Vec<Input>, pipeline::Error> {
+    async fn inputs(&self, claim: &Claim, options: &mut Options) -> Result<Vec<Input>, pipeline::Error> {
         let unread = |error: storage::Error| pipeline::Error::Unreadable(std::io::Error::other(error));
         let total = query::total(&self.storage.records, &claim.id).await.map_err(unread)?;
         options.rays.total = total.map(TotalFlux::total);

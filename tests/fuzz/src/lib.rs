@@ -175,7 +175,7 @@ fn options(length: usize) -> Options {
     let mut options = Options::default();
     if !(length / 4).is_multiple_of(4) {
         options.hull.resolution = Some(12);
-        options.goniogram.zones = Some((2, 1));
+        options.goniogram.zones = Some(pipeline::options::Zones { columns: 2, rows: 1 });
         options.goniogram.gamma_step_deg = Some(15.0);
         options.goniogram.c_step_deg = Some(30.0);
     }

@@ -35,13 +35,13 @@ pub fn spectrum_attribute(band: usize) -> String {
 
 /// Whether vertex spectra are attributes.
 pub fn in_attributes(model: &Model, options: &RunOptions) -> bool {
-    model.spectral.has_bands() && options.artifacts.spectra != Spectra::Extras
+    model.spectral.has_bands() && options.artifacts.spectra != Some(Spectra::Extras)
 }
 
 /// Whether vertex spectra are numbers in extras; if not, why.
 fn in_extras(model: &Model, options: &RunOptions) -> Result<(), &'static str> {
     let count = model.hull.vertices_mm.len() * model.spectral.bands.len();
-    match options.artifacts.spectra {
+    match options.artifacts.spectra.unwrap_or_default() {
         Spectra::Both | Spectra::Extras => Ok(()),
         Spectra::Attributes => Err("spectra=attributes was asked for"),
         Spectra::Auto if count <= MOST_INLINE => Ok(()),

@@ -138,7 +138,7 @@ mod tests {
 
     fn read(model: &Model, spectra: Spectra) -> (Gltf, Value) {
         let mut options = RunOptions::default();
-        options.artifacts.spectra = spectra;
+        options.artifacts.spectra = Some(spectra);
         let file = Gltf::from_slice(&artifact(model, &options).unwrap().bytes).unwrap();
         let extras = file.meshes().next().unwrap().extras().as_ref().unwrap().get().to_owned();
         let emitter = serde_json::from_str::<Value>(&extras).unwrap()["emitter"].clone();
