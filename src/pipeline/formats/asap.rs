@@ -21,6 +21,11 @@ const HEADER_RECORDS: u64 = 5;
 /// Of the header's fourth record: the byte where the number of rows is, negative for rays.
 const ROWS_AT: usize = 24;
 
+/// Whether a file begins as one of these.
+pub fn begins(start: &[u8]) -> bool {
+    start.len() >= 4 && words(i32_in(start, 0)).is_some()
+}
+
 /// Words per record of a file whose first word is `code` = 247 + 256 × (bytes of a record); `None` for any other file.
 pub fn words(code: i32) -> Option<usize> {
     WORDS.into_iter().find(|words| 247 + 1024 * *words as i32 == code)

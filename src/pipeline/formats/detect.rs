@@ -1,48 +1,39 @@
 //! Which format a file is, from content alone: `.ray` alone is the extension of seven formats (`pipeline/formats/README.md` 0).
 
 use super::bytes::LOOK;
-use super::bytes::i32_in;
+use super::foreign;
 use super::foreign::EXPORT;
-use super::record::{Bytes, Format};
-use super::text::columns;
-use super::text::lines::leading_numbers;
-use super::zemax::{binary, text};
-use super::{asap, foreign, speos};
+use super::record::{Bytes, Reader, Sign};
 use crate::error::Error;
 
-/// The format of a file.
+/// The reader of a file, among `readers`.
 ///
 /// # Errors
 /// Refused with the format's name when it is one we know and do not read; malformed when it is none we know.
-pub fn detect(bytes: &dyn Bytes) -> Result<Format, Error> {
+pub fn detect<'r>(readers: &'r [Reader], bytes: &dyn Bytes) -> Result<&'r Reader, Error> {
     let mut start = vec![0; usize::try_from(bytes.len()).unwrap_or(LOOK).min(LOOK)];
     bytes.read_at(0, &mut start)?;
-    detect_start(&start, Some(bytes.len()))?.ok_or_else(unknown)
+    detect_start(readers, &start, Some(bytes.len()))?.ok_or_else(unknown)
 }
 
-/// The format of a file that starts with `start` and is `length` bytes long, if that is known; `None` when more bytes are
+/// The reader of a file that starts with `start` and is `length` bytes long, if that is known; `None` when more bytes are
 /// needed to tell.
 ///
 /// # Errors
 /// As [`detect`], as soon as the bytes at hand prove it.
-pub fn detect_start(start: &[u8], length: Option<u64>) -> Result<Option<Format>, Error> {
+pub fn detect_start<'r>(readers: &'r [Reader], start: &[u8], length: Option<u64>) -> Result<Option<&'r Reader>, Error> {
     if length == Some(0) {
         return Err(Error::malformed("detect.empty", "The file is empty.", "Send the file's content.").at_byte(0));
     }
-    if start.starts_with(b"TM25") {
-        return Ok(Some(Format::Tm25));
-    }
-    if start.starts_with(b"LTRF") {
-        return Ok(Some(Format::LightToolsBinary));
-    }
-    if start.len() >= 4 && binary::IDENTIFIERS.contains(&i32_in(start, 0)) {
-        return Ok(Some(Format::ZemaxBinary));
+    let by = |test: &dyn Fn(&Sign) -> bool| readers.iter().find(|reader| test(&reader.sign));
+    if let Some(reader) = by(&|sign| matches!(sign, Sign::Magic(is) if is(start))) {
+        return Ok(Some(reader));
     }
     if let Some(error) = refused_by_magic(start).or_else(|| foreign::by_magic(start)) {
         return Err(error);
     }
-    if start.len() >= 4 && asap::words(i32_in(start, 0)).is_some() {
-        return Ok(Some(Format::Asap));
+    if let Some(reader) = by(&|sign| matches!(sign, Sign::Marker(is) if is(start))) {
+        return Ok(Some(reader));
     }
     let complete = start.len() >= LOOK || length.is_some_and(|length| start.len() as u64 >= length);
     if !complete {
@@ -52,12 +43,10 @@ pub fn detect_start(start: &[u8], length: Option<u64>) -> Result<Option<Format>,
         return Err(error);
     }
     if !start.contains(&0) {
-        return text(start).map(Some).map_err(|error| error.at_byte(0));
+        return text(readers, start).map(Some).map_err(|error| error.at_byte(0));
     }
-    if speos::is_speos(start, length) {
-        return Ok(Some(Format::Speos));
-    }
-    Err(foreign::closed(start).unwrap_or_else(unknown))
+    let reader = by(&|sign| matches!(sign, Sign::Layout(is) if is(start, length)));
+    reader.map(Some).ok_or_else(|| foreign::closed(start).unwrap_or_else(unknown))
 }
 
 /// How archives begin. Those that are unpacked here come to this only where they are not, inside another one.
@@ -85,28 +74,21 @@ fn refused_by_magic(start: &[u8]) -> Option<Error> {
     Some(error.at_byte(0))
 }
 
-/// What text it is, in the order of `pipeline/formats/README.md` 0. The last line may be cut and is judged only where it is the first.
-fn text(start: &[u8]) -> Result<Format, Error> {
-    let text = String::from_utf8_lossy(start).to_lowercase();
-    if text.contains("lt_rdf_version") || text.contains("lt_startofdata") {
-        return Ok(Format::LightToolsText);
-    }
-    if text.contains("nbrrays requested") {
-        return Ok(Format::ProSourceText);
+/// What reads a text: by its words, else by its lines. The last line may be cut and is judged only where it is the first.
+fn text<'r>(readers: &'r [Reader], start: &[u8]) -> Result<&'r Reader, Error> {
+    let by = |test: &dyn Fn(&Sign) -> bool| readers.iter().find(|reader| test(&reader.sign));
+    let words = String::from_utf8_lossy(start).to_lowercase();
+    if let Some(reader) = by(&|sign| matches!(sign, Sign::Words(are) if are(&words))) {
+        return Ok(reader);
     }
     let start = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start);
-    let lines =
-        || start.split(|byte| matches!(byte, b'\n' | b'\r')).map(<[u8]>::trim_ascii).filter(|line| !line.is_empty());
     if !start.iter().all(|byte| !byte.is_ascii_control() || byte.is_ascii_whitespace()) {
         return Err(unknown());
     }
-    if lines().next().is_some_and(|first| text::starts(first, lines().nth(1))) {
-        return Ok(Format::ZemaxText);
-    }
-    if lines().any(|line| leading_numbers(line) >= columns::FEWEST) {
-        return Ok(Format::Columns);
-    }
-    Err(Error::malformed("detect.not_rays", "This is text, not a ray file.", EXPORT))
+    let lines = start.split(|byte| matches!(byte, b'\n' | b'\r')).map(<[u8]>::trim_ascii);
+    let lines: Vec<&[u8]> = lines.filter(|line| !line.is_empty()).collect();
+    by(&|sign| matches!(sign, Sign::Lines(are) if are(&lines)))
+        .ok_or_else(|| Error::malformed("detect.not_rays", "This is text, not a ray file.", EXPORT))
 }
 
 fn unknown() -> Error {
@@ -121,9 +103,11 @@ fn unknown() -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::formats::FORMATS;
+    use crate::formats::record::Format;
 
     fn code(bytes: &[u8]) -> &'static str {
-        detect(&bytes.to_vec()).map_or_else(|error| error.code(), Format::name)
+        detect(&FORMATS, &bytes.to_vec()).map_or_else(|error| error.code(), |reader| reader.format.name())
     }
 
     #[test]
@@ -152,12 +136,18 @@ mod tests {
         assert_eq!(code(&[0; 5000]), "detect.unknown");
     }
 
+    /// The format of a file that starts so; the code of its refusal.
+    fn started(start: &[u8], length: Option<u64>) -> Result<Option<Format>, &'static str> {
+        let found = detect_start(&FORMATS, start, length);
+        found.map(|reader| reader.map(|reader| reader.format)).map_err(|error| error.code())
+    }
+
     #[test]
     fn too_few_bytes_are_no_verdict() {
-        assert_eq!(detect_start(b"TM", None).unwrap(), None);
-        assert_eq!(detect_start(b"0 0 1", Some(100)).unwrap(), None);
-        assert_eq!(detect_start(b"TM25", None).unwrap(), Some(Format::Tm25));
-        assert_eq!(detect_start(b"", Some(0)).unwrap_err().code(), "detect.empty");
-        assert_eq!(detect_start(&[0; 5000], None).unwrap_err().code(), "detect.unknown");
+        assert_eq!(started(b"TM", None), Ok(None));
+        assert_eq!(started(b"0 0 1", Some(100)), Ok(None));
+        assert_eq!(started(b"TM25", None), Ok(Some(Format::Tm25)));
+        assert_eq!(started(b"", Some(0)), Err("detect.empty"));
+        assert_eq!(started(&[0; 5000], None), Err("detect.unknown"));
     }
 }

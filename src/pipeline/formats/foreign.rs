@@ -252,11 +252,12 @@ fn rays_somewhere(start: &[u8]) -> Option<(usize, usize)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::formats::FORMATS;
     use crate::formats::bytes::LOOK;
     use crate::formats::detect::detect;
 
     fn code(bytes: &[u8]) -> &'static str {
-        detect(&bytes.to_vec()).map_or_else(|error| error.code(), |format| format.name())
+        detect(&FORMATS, &bytes.to_vec()).map_or_else(|error| error.code(), |reader| reader.format.name())
     }
 
     #[test]
@@ -338,7 +339,7 @@ mod tests {
         assert_eq!(code(&file(212, 200)), "detect.closed_rays");
         assert_eq!(code(&file(16, 3)), "detect.closed_rays");
         assert_eq!(code(&file(16, 2)), "detect.unknown");
-        let Err(Error::Refused(fault)) = detect(&file(212, 200)) else { panic!("read") };
+        let Err(Error::Refused(fault)) = detect(&FORMATS, &file(212, 200)) else { panic!("read") };
         assert_eq!(fault.at, Some(crate::error::Place::Byte(212)));
     }
 }

@@ -36,9 +36,68 @@ pub mod spectrum_file;
 use crate::error::Error;
 use crate::vocabulary::declaration::Column;
 use crate::vocabulary::limits::Limits;
-use record::{Bytes, Format, RaySet};
+use record::{Bytes, Format, RaySet, Reader, Sign};
 use std::io;
 use std::sync::Arc;
+use text::lines::leading_numbers;
+
+/// Every format that is read, in the order in which a file is tried.
+const FORMATS: [Reader; 9] = [
+    Reader {
+        format: Format::Tm25,
+        sign: Sign::Magic(|start| start.starts_with(b"TM25")),
+        open: |bytes, _, limits| tm25::open(bytes, limits),
+        peek: tm25::peek,
+    },
+    Reader {
+        format: Format::LightToolsBinary,
+        sign: Sign::Magic(|start| start.starts_with(b"LTRF")),
+        open: |bytes, _, limits| lighttools::binary::open(bytes, limits),
+        peek: |bytes, length, _| lighttools::binary::peek(bytes, length),
+    },
+    Reader {
+        format: Format::ZemaxBinary,
+        sign: Sign::Magic(zemax::binary::begins),
+        open: |bytes, _, limits| zemax::binary::open(bytes, limits),
+        peek: |bytes, length, _| zemax::binary::peek(bytes, length),
+    },
+    Reader {
+        format: Format::Asap,
+        sign: Sign::Marker(asap::begins),
+        open: |bytes, _, limits| asap::open(bytes, limits),
+        peek: |bytes, length, _| asap::peek(bytes, length),
+    },
+    Reader {
+        format: Format::LightToolsText,
+        sign: Sign::Words(|text| text.contains("lt_rdf_version") || text.contains("lt_startofdata")),
+        open: |bytes, _, limits| lighttools::text::open(bytes, limits),
+        peek: |bytes, length, _| lighttools::text::peek(bytes, length),
+    },
+    Reader {
+        format: Format::ProSourceText,
+        sign: Sign::Words(|text| text.contains("nbrrays requested")),
+        open: |bytes, _, limits| prosource::open(bytes, limits),
+        peek: |bytes, length, _| prosource::peek(bytes, length),
+    },
+    Reader {
+        format: Format::ZemaxText,
+        sign: Sign::Lines(|lines| lines.first().is_some_and(|first| zemax::text::starts(first, lines.get(1).copied()))),
+        open: |bytes, _, limits| zemax::text::open(bytes, limits),
+        peek: |bytes, length, _| zemax::text::peek(bytes, length),
+    },
+    Reader {
+        format: Format::Columns,
+        sign: Sign::Lines(|lines| lines.iter().any(|line| leading_numbers(line) >= text::columns::FEWEST)),
+        open: text::columns::open,
+        peek: |bytes, length, _| text::columns::peek(bytes, length),
+    },
+    Reader {
+        format: Format::Speos,
+        sign: Sign::Layout(speos::is_speos),
+        open: |bytes, _, limits| speos::open(bytes, limits),
+        peek: |bytes, length, _| speos::peek(bytes, length),
+    },
+];
 
 /// Opens one ray file: detects its format, decodes its header, proves its count. Reads no ray; a text file is gone through once,
 /// because only that finds its rows. `columns`: what was declared of the columns of a text file.
@@ -46,35 +105,8 @@ use std::sync::Arc;
 /// # Errors
 /// [`Error::Malformed`], [`Error::Refused`], [`Error::Unreadable`].
 pub fn open(bytes: Arc<dyn Bytes>, columns: Option<&[Column]>, limits: &Limits) -> Result<RaySet, Error> {
-    match detect::detect(bytes.as_ref())? {
-        Format::Tm25 => tm25::open(bytes, limits),
-        Format::ZemaxBinary => zemax::binary::open(bytes, limits),
-        Format::ZemaxText => zemax::text::open(bytes, limits),
-        Format::LightToolsBinary => lighttools::binary::open(bytes, limits),
-        Format::LightToolsText => lighttools::text::open(bytes, limits),
-        Format::Speos => speos::open(bytes, limits),
-        Format::Asap => asap::open(bytes, limits),
-        Format::ProSourceText => prosource::open(bytes, limits),
-        Format::Columns => text::columns::open(bytes, columns, limits),
-    }
-}
-
-/// Judges a file of a known format by its first bytes, `length` being its full length where that is known.
-///
-/// # Errors
-/// As [`open`], as soon as the bytes at hand prove it; [`Error::Unreadable`] (end of file) when they hold too little to tell.
-fn peek_as(format: Format, bytes: &dyn Bytes, length: Option<u64>, limits: &Limits) -> Result<(), Error> {
-    match format {
-        Format::Tm25 => tm25::peek(bytes, length, limits),
-        Format::ZemaxBinary => zemax::binary::peek(bytes, length),
-        Format::ZemaxText => zemax::text::peek(bytes, length),
-        Format::LightToolsBinary => lighttools::binary::peek(bytes, length),
-        Format::LightToolsText => lighttools::text::peek(bytes, length),
-        Format::Speos => speos::peek(bytes, length),
-        Format::Asap => asap::peek(bytes, length),
-        Format::ProSourceText => prosource::peek(bytes, length),
-        Format::Columns => text::columns::peek(bytes, length),
-    }
+    let reader = detect::detect(&FORMATS, bytes.as_ref())?;
+    (reader.open)(bytes, columns, limits)
 }
 
 /// Judges a file by its first bytes, `length` being its full length where that is known. `Some` means: so far a file of this
@@ -84,10 +116,10 @@ fn peek_as(format: Format, bytes: &dyn Bytes, length: Option<u64>, limits: &Limi
 /// As [`open`], as soon as the bytes at hand prove it.
 pub fn peek(prefix: &[u8], length: Option<u64>, limits: &Limits) -> Result<Option<Format>, Error> {
     let start = prefix.get(..prefix.len().min(bytes::LOOK)).unwrap_or_default();
-    let Some(format) = detect::detect_start(start, length)? else { return Ok(None) };
+    let Some(reader) = detect::detect_start(&FORMATS, start, length)? else { return Ok(None) };
     let bytes = Prefix { bytes: prefix, length: length.unwrap_or(u64::MAX) };
-    match peek_as(format, &bytes, length, limits) {
-        Err(Error::Unreadable(_)) | Ok(()) => Ok(Some(format)),
+    match (reader.peek)(&bytes, length, limits) {
+        Err(Error::Unreadable(_)) | Ok(()) => Ok(Some(reader.format)),
         Err(error) => Err(error),
     }
 }

@@ -1,11 +1,14 @@
 //! What every reader gives: what a file says of itself, and its rays at random access.
 
 use crate::error::Error;
+use crate::vocabulary::declaration::Column;
+use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::spectrum::Table;
 use crate::vocabulary::units::{Flux, LengthUnit};
 use serde::{Deserialize, Serialize};
 use std::io;
+use std::sync::Arc;
 
 /// Random access to the bytes of a ray file, which may be larger than memory.
 pub trait Bytes: Send + Sync {
@@ -37,51 +40,87 @@ impl Bytes for Vec<u8> {
 
 /// File formats we read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "&'static str", try_from = "String")]
 pub enum Format {
     /// IES TM-25-13 / -20.
-    #[serde(rename = "IES TM-25")]
     Tm25,
     /// Zemax / OpticStudio binary .dat/.sdf.
-    #[serde(rename = "Zemax binary")]
     ZemaxBinary,
     /// Zemax / OpticStudio text.
-    #[serde(rename = "Zemax text")]
     ZemaxText,
     /// LightTools binary .ray.
-    #[serde(rename = "LightTools binary")]
     LightToolsBinary,
     /// LightTools text .ray.
-    #[serde(rename = "LightTools text")]
     LightToolsText,
     /// Speos / OPTIS .ray.
-    #[serde(rename = "Speos")]
     Speos,
     /// ASAP .dis.
-    #[serde(rename = "ASAP distribution")]
     Asap,
     /// TracePro / ProSource text.
-    #[serde(rename = "TracePro text")]
     ProSourceText,
     /// Columns of numbers: CSV and the like.
-    #[serde(rename = "text columns")]
     Columns,
 }
+
+/// The names people use, which are also those in artifacts and rows.
+const NAMES: [(Format, &str); 9] = [
+    (Format::Tm25, "IES TM-25"),
+    (Format::ZemaxBinary, "Zemax binary"),
+    (Format::ZemaxText, "Zemax text"),
+    (Format::LightToolsBinary, "LightTools binary"),
+    (Format::LightToolsText, "LightTools text"),
+    (Format::Speos, "Speos"),
+    (Format::Asap, "ASAP distribution"),
+    (Format::ProSourceText, "TracePro text"),
+    (Format::Columns, "text columns"),
+];
 
 impl Format {
     /// The name people use.
     pub fn name(self) -> &'static str {
-        match self {
-            Format::Tm25 => "IES TM-25",
-            Format::ZemaxBinary => "Zemax binary",
-            Format::ZemaxText => "Zemax text",
-            Format::LightToolsBinary => "LightTools binary",
-            Format::LightToolsText => "LightTools text",
-            Format::Speos => "Speos",
-            Format::Asap => "ASAP distribution",
-            Format::ProSourceText => "TracePro text",
-            Format::Columns => "text columns",
-        }
+        NAMES.iter().find(|(format, _)| *format == self).map_or("", |(_, name)| name)
     }
+}
+
+impl From<Format> for &'static str {
+    fn from(format: Format) -> &'static str {
+        format.name()
+    }
+}
+
+impl TryFrom<String> for Format {
+    type Error = String;
+
+    fn try_from(name: String) -> Result<Format, String> {
+        let known = NAMES.iter().find(|(_, known)| *known == name);
+        known.map(|(format, _)| *format).ok_or_else(|| format!("unknown format {name:?}"))
+    }
+}
+
+/// One row of the table of formats: how a file is known to be of the format, and what reads it.
+pub struct Reader {
+    /// The format.
+    pub format: Format,
+    /// What tells it from others.
+    pub sign: Sign,
+    /// Opens a file; a text file in free columns is read as the columns that are declared of it.
+    pub open: fn(Arc<dyn Bytes>, Option<&[Column]>, &Limits) -> Result<RaySet, Error>,
+    /// Judges a file by its first bytes, `length` being its full length where that is known.
+    pub peek: fn(&dyn Bytes, Option<u64>, &Limits) -> Result<(), Error>,
+}
+
+/// What tells a format from others. The signs are tried in this order, those of one kind in the order of the table.
+pub enum Sign {
+    /// Its first bytes, which no other file begins with.
+    Magic(fn(&[u8]) -> bool),
+    /// Its first number, once files that have magic are excluded.
+    Marker(fn(&[u8]) -> bool),
+    /// Words of a text, in lower case.
+    Words(fn(&str) -> bool),
+    /// The lines of a text without control characters, blank ones left out; the last may be cut.
+    Lines(fn(&[&[u8]]) -> bool),
+    /// The layout of a binary file that has no magic; with its length, where that is known.
+    Layout(fn(&[u8], Option<u64>) -> bool),
 }
 
 /// Which total is right (`pipeline/formats/README.md` 7).

@@ -1,6 +1,6 @@
 //! What a client may choose, in the contract: the schema is the pipeline's own, its parts are components.
 
-use pipeline::options::Options;
+use pipeline::Options;
 use serde_json::{Map, Value, json};
 use std::borrow::Cow;
 use utoipa::openapi::{RefOr, Schema};

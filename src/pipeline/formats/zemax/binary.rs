@@ -32,6 +32,11 @@ const SPECTRAL_RAYS: u64 = 64;
 /// What is told of a file with wavelengths in nm.
 const IN_NANOMETRES: &str = "Wavelengths stand in nm where the format has um; they were read as nm.";
 
+/// Whether a file begins as one of these.
+pub fn begins(start: &[u8]) -> bool {
+    start.len() >= 4 && IDENTIFIERS.contains(&i32_in(start, 0))
+}
+
 /// Opens a file of this format.
 ///
 /// # Errors
