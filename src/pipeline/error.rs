@@ -107,7 +107,7 @@ impl Error {
     }
 
     /// What was declared of the source cannot be used.
-    pub fn undeclarable(
+    pub fn invalid_declaration(
         code: &'static str,
         place: Place,
         found: impl Into<String>,

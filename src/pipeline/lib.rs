@@ -51,7 +51,7 @@ pub use vocabulary::notice::Notice;
 pub use vocabulary::space::Axis;
 pub use vocabulary::spectrum::Table;
 pub use vocabulary::units::{LengthUnit, Quantity};
-pub use vocabulary::watch::{Stage, Unwatched, Watch};
+pub use vocabulary::watch::{NoProgress, Stage, Watch};
 pub use writing::Artifact;
 
 use source::Source;

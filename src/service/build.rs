@@ -37,6 +37,8 @@ fn add(hasher: &mut DefaultHasher, root: &Path, name: &str) -> io::Result<()> {
     }
     let entries = fs::read_dir(path)?.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned()));
     let mut names = entries.collect::<io::Result<Vec<String>>>()?;
+    // A page beside the sources computes nothing.
+    names.retain(|entry| !entry.ends_with(".md"));
     names.sort();
     names.iter().try_for_each(|entry| add(hasher, root, &format!("{name}/{entry}")))
 }

@@ -8,7 +8,7 @@
 use glam::DVec3;
 use pipeline::known_sources::{KnownSource, by_name, write_tm25};
 use pipeline::model::evaluation::{Evaluator, Quantity};
-use pipeline::{Declared, Input, Limits, Options, Outcome, Unwatched, run};
+use pipeline::{Declared, Input, Limits, NoProgress, Options, Outcome, run};
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 use std::sync::Arc;
 
@@ -48,7 +48,7 @@ impl Bench {
             declared: Declared::default(),
             notices: Vec::new(),
         };
-        let outcome = run(&[input], &Options::default(), &Limits::default(), &Unwatched).unwrap();
+        let outcome = run(&[input], &Options::default(), &Limits::default(), &NoProgress).unwrap();
         Bench { source, outcome, rows: Vec::new() }
     }
 

@@ -1,7 +1,7 @@
 //! What strangers send, through the whole pipeline: an error that says what and where, or a model with notices. Never a panic.
 
 use pipeline::known_sources::{by_name, write_tm25};
-use pipeline::{Declared, Error, Input, Limits, Options, Outcome, Unwatched, run};
+use pipeline::{Declared, Error, Input, Limits, NoProgress, Options, Outcome, run};
 use std::sync::Arc;
 
 /// First ray of a file without tables (pipeline/formats/README.md 1).
@@ -15,7 +15,7 @@ fn build(bytes: Vec<u8>) -> Result<Outcome, Error> {
         declared: Declared::default(),
         notices: Vec::new(),
     };
-    run(&[input], &Options::default(), &Limits::default(), &Unwatched)
+    run(&[input], &Options::default(), &Limits::default(), &NoProgress)
 }
 
 fn sample(name: &str, rays: u64) -> Vec<u8> {

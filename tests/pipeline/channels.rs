@@ -16,8 +16,8 @@ use pipeline::source::Source;
 use pipeline::vocabulary::spectrum::{Bands, Table};
 use pipeline::vocabulary::watch::StageWatch;
 use pipeline::{
-    Claims, Column, Declared, Error, FluxOverride, Input, LengthUnit, Limits, Options, Place, Quantity, Stage, Total,
-    Unwatched, header, judge, run, spectrum,
+    Claims, Column, Declared, Error, FluxOverride, Input, LengthUnit, Limits, NoProgress, Options, Place, Quantity,
+    Stage, Total, header, judge, run, spectrum,
 };
 use std::sync::Arc;
 
@@ -37,7 +37,7 @@ fn channel(bytes: &[u8], declared: Declared) -> Input {
 fn source(inputs: &[Input], total: Option<Total>) -> Result<Source, Error> {
     let options = Options::default().rays;
     let options = pipeline::options::RaysOptions { total, ..options };
-    Source::read(inputs, &options, &Limits::default(), StageWatch::enter(&Unwatched, Stage::Rays)?)
+    Source::read(inputs, &options, &Limits::default(), StageWatch::enter(&NoProgress, Stage::Rays)?)
 }
 
 fn fault(result: Result<Source, Error>) -> (&'static str, Option<Place>) {
@@ -230,7 +230,7 @@ fn files_of_different_kinds_become_one_source() {
     let band = |nm: f64| density[source.spectral.bands.band(nm).unwrap()] * 10.0;
     assert!(close(band(555.0), 2.0, 1e-12) && close(band(655.0), 3.0, 1e-12) && band(605.0) == 0.0);
     // Indices run on over all files.
-    let watch = StageWatch::enter(&Unwatched, Stage::Flux).unwrap();
+    let watch = StageWatch::enter(&NoProgress, Stage::Flux).unwrap();
     let indices = source.fold(watch, vec![], |rays| Ok(rays.iter().map(|r| r.index).collect::<Vec<_>>()), Vec::extend);
     assert_eq!(indices.unwrap(), [0, 1]);
 }
@@ -278,7 +278,7 @@ fn two_channels_in_different_quantities_sum_in_the_model() {
     let mut options = Options::default();
     options.hull.resolution = Some(8);
     let inputs = [channel(&blue, named("blue")), channel(&amber, named("amber"))];
-    let outcome = run(&inputs, &options, &Limits::default(), &Unwatched).unwrap();
+    let outcome = run(&inputs, &options, &Limits::default(), &NoProgress).unwrap();
     let model = &outcome.model;
     let amber_w = 100.0 / table.lm_per_w();
     assert!(close(model.flux.radiant_w.unwrap(), blue_chip.radiant_w() + amber_w, 1e-5), "{:?}", model.flux);

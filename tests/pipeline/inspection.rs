@@ -4,7 +4,7 @@ use glam::DVec3;
 use pipeline::formats::bytes::digest;
 use pipeline::known_sources::write_tm25;
 use pipeline::{
-    Declared, Input, Inspection, Limits, Options, Table, Unwatched, Verdict, drawings, inspect, known_sources, run,
+    Declared, Input, Inspection, Limits, NoProgress, Options, Table, Verdict, drawings, inspect, known_sources, run,
 };
 use serde_json::Value;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ fn seen(bytes: Vec<u8>) -> Inspection {
         declared: Declared::default(),
         notices: Vec::new(),
     };
-    inspect(&input, &Limits::default(), &Unwatched).unwrap()
+    inspect(&input, &Limits::default(), &NoProgress).unwrap()
 }
 
 fn verdict(found: &Inspection, check: &str) -> Verdict {
@@ -248,7 +248,7 @@ fn as_input(name: &str, bytes: Vec<u8>, declared: Declared) -> Input {
 
 /// `(code, channel)` of every notice of a run, which report.json and README.txt tell too.
 fn told(inputs: &[Input]) -> Vec<(String, Option<String>)> {
-    let outcome = run(inputs, &Options::default(), &Limits::default(), &Unwatched).unwrap();
+    let outcome = run(inputs, &Options::default(), &Limits::default(), &NoProgress).unwrap();
     let file = |name: &str| {
         let artifact = outcome.artifacts.iter().find(|artifact| artifact.name == name).unwrap();
         String::from_utf8(artifact.bytes.clone()).unwrap()
@@ -318,7 +318,7 @@ fn a_model_of_a_real_led_says_that_the_origins_are_not_the_emitter() {
     let name = "mu_rayfile_LERTDUW_S2WP_green_100k_20161013_IES_TM25.TM25RAY";
     let Some(bytes) = crate::real_files::real(name) else { return };
     let outcome =
-        run(&[as_input(name, bytes, Declared::default())], &Options::default(), &Limits::default(), &Unwatched)
+        run(&[as_input(name, bytes, Declared::default())], &Options::default(), &Limits::default(), &NoProgress)
             .unwrap();
     let notice = outcome.notices.iter().find(|notice| notice.code == "rays.origins").unwrap();
     for part in ["are on one plane", "the origins are not the emitter", "virtual focus", "blurred near the source"] {

@@ -9,7 +9,7 @@ use pipeline::known_sources::{KnownSource, all, by_name, write_tm25};
 use pipeline::model::Model;
 use pipeline::options::Zones;
 use pipeline::vocabulary::space::{Axis, Frame};
-use pipeline::{Declared, Input, Limits, Options, Outcome, Unwatched, run};
+use pipeline::{Declared, Input, Limits, NoProgress, Options, Outcome, run};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 use support::statistics::{ALARM_Z, cell_mean, chi_square_z};
@@ -26,7 +26,7 @@ fn outcome(source: &KnownSource, rays: u64, options: &Options) -> Outcome {
         declared: Declared::default(),
         notices: Vec::new(),
     };
-    run(&[input], options, &Limits::default(), &Unwatched).unwrap()
+    run(&[input], options, &Limits::default(), &NoProgress).unwrap()
 }
 
 fn unsmoothed() -> Options {

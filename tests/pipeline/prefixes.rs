@@ -3,7 +3,7 @@
 //! their own.
 
 use pipeline::formats::record::Bytes;
-use pipeline::{Declared, Error, Input, LengthUnit, Limits, Quantity, Unwatched, Verdict, inspect, peek};
+use pipeline::{Declared, Error, Input, LengthUnit, Limits, NoProgress, Quantity, Verdict, inspect, peek};
 use std::io;
 use std::sync::Arc;
 use support::formats::{with_count_or_end, without_count_or_end};
@@ -39,7 +39,7 @@ fn inspected(whole: &Arc<Vec<u8>>, length: usize) -> Result<Vec<String>, Error> 
         ..Declared::default()
     };
     let input = Input { name: "cut".into(), sha256: String::new(), bytes, declared, notices: Vec::new() };
-    let inspection = inspect(&input, &Limits::default(), &Unwatched)?;
+    let inspection = inspect(&input, &Limits::default(), &NoProgress)?;
     let wrong =
         inspection.checks.iter().filter(|check| check.verdict == Verdict::Wrong).map(|check| check.check.to_owned());
     Ok(inspection.notices.iter().map(|notice| notice.code.clone().into_owned()).chain(wrong).collect())

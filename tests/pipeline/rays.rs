@@ -14,7 +14,7 @@ use pipeline::options::RaysOptions;
 use pipeline::source::{Columns, Ray, Source};
 use pipeline::vocabulary::watch::StageWatch;
 use pipeline::{
-    Declared, Error, Format, Input, Limits, Place, Stage, Unwatched, Watch, header, inspect, known_sources, peek,
+    Declared, Error, Format, Input, Limits, NoProgress, Place, Stage, Watch, header, inspect, known_sources, peek,
 };
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -35,7 +35,7 @@ fn read_with(files: &[Vec<u8>], options: &RaysOptions, watch: &dyn Watch) -> Res
 }
 
 pub fn read_all(files: Vec<Vec<u8>>) -> Result<Source, Error> {
-    read_with(&files, &RaysOptions::default(), &Unwatched)
+    read_with(&files, &RaysOptions::default(), &NoProgress)
 }
 
 fn refused(files: Vec<Vec<u8>>) -> &'static str {
@@ -72,7 +72,7 @@ pub const LUMENS: Flags = Flags { radiant: false, luminous: true, ..WATTS };
 
 /// Rays, W, lm and columns of one pass, as `[count, W, lm, columns..]`.
 pub fn pass(source: &Source) -> Vec<f64> {
-    let watch = StageWatch::enter(&Unwatched, Stage::Flux).unwrap();
+    let watch = StageWatch::enter(&NoProgress, Stage::Flux).unwrap();
     let columns = source.spectral.column_count();
     let add = |total: &mut Vec<f64>, part: Vec<f64>| total.iter_mut().zip(part).for_each(|(sum, more)| *sum += more);
     let work = |rays: &[Ray]| {
@@ -172,7 +172,7 @@ fn what_is_wrong_with_rays_is_counted_with_its_first_offender() {
         let expected = if *code == "rays.not_finite" { (2, Some(5)) } else { (1, Some(*at as u64)) };
         assert_eq!((notice.count, notice.first_ray), expected);
     }
-    let seen = inspect(&input(bytes), &Limits::default(), &Unwatched).unwrap();
+    let seen = inspect(&input(bytes), &Limits::default(), &NoProgress).unwrap();
     assert_eq!((seen.rays_used, seen.rays_refused, seen.rays_dropped), (1995, 4, 1));
     assert_eq!((seen.radiant_sum, seen.luminous_sum, seen.sum_over_header), (Some(3990.0), None, None));
     assert!(serde_json::to_string(&seen).unwrap().contains("\"rays.flux_zero\""));
@@ -320,11 +320,11 @@ fn bands_follow_the_rays_or_the_user() {
     assert_eq!(absurd.notices.count_of("rays.bands_not_widened"), 1);
     assert_eq!(absurd.notices.count_of("rays.outside_bands"), 1);
     let options = |edges: &[f64]| RaysOptions { band_edges_nm: Some(edges.to_vec()), ..RaysOptions::default() };
-    let asked = read_with(&[of(&[at(555.0), at(700.0)])], &options(&[500.0, 600.0, 650.0]), &Unwatched).unwrap();
+    let asked = read_with(&[of(&[at(555.0), at(700.0)])], &options(&[500.0, 600.0, 650.0]), &NoProgress).unwrap();
     assert_eq!(pass(&asked), [2.0, 4.0, asked.flux.luminous_lm.unwrap(), 2.0, 0.0, 2.0]);
     assert_eq!(asked.notices.count_of("rays.outside_bands"), 1);
     for edges in [&[500.0][..], &[600.0, 500.0], &[-1.0, 500.0], &[f64::NAN, 500.0]] {
-        let error = read_with(&[of(&[good()])], &options(edges), &Unwatched).err().unwrap();
+        let error = read_with(&[of(&[good()])], &options(edges), &NoProgress).err().unwrap();
         assert!(matches!(&error, Error::Unusable(_)) && error.code() == "options.band_edges");
     }
 }
@@ -376,7 +376,7 @@ fn a_failing_medium_is_told() {
         declared: Declared::default(),
         notices: Vec::new(),
     };
-    let error = inspect(&input, &Limits::default(), &Unwatched).err().unwrap();
+    let error = inspect(&input, &Limits::default(), &NoProgress).err().unwrap();
     assert!(error.to_string().contains("disk on fire"), "{error}");
 }
 

@@ -6,7 +6,7 @@
 use crate::rays::{close, read_all, sums};
 use pipeline::formats::bytes::digest;
 use pipeline::source::Columns;
-use pipeline::{Declared, Format, Input, Inspection, LengthUnit, Limits, Options, Outcome, Unwatched, inspect, run};
+use pipeline::{Declared, Format, Input, Inspection, LengthUnit, Limits, NoProgress, Options, Outcome, inspect, run};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -121,7 +121,7 @@ fn input(name: &str, bytes: Vec<u8>) -> Input {
 }
 
 fn inspected(name: &str, bytes: Vec<u8>) -> Inspection {
-    inspect(&input(name, bytes), &Limits::default(), &Unwatched).unwrap()
+    inspect(&input(name, bytes), &Limits::default(), &NoProgress).unwrap()
 }
 
 fn assert_total(name: &str, found: Option<f64>, expected: Total) {
@@ -176,7 +176,7 @@ fn every_file_is_what_is_written_of_it() {
         assert_eq!(codes, row.notices, "{name}");
     }
     for (name, code) in NO_RAYS {
-        let refused = inspect(&input(name, real(name).unwrap()), &Limits::default(), &Unwatched).unwrap_err();
+        let refused = inspect(&input(name, real(name).unwrap()), &Limits::default(), &NoProgress).unwrap_err();
         assert_eq!(refused.code(), code, "{name}: {refused}");
         table.push(format!("| {name} | refused: {refused} | | | | | | {code} |"));
     }
@@ -207,7 +207,7 @@ fn the_filament_shines_into_all_directions_at_all_visible_wavelengths() {
 fn the_filament_s_surface_is_its_cylinder() {
     let Some(bytes) = real(FILAMENT) else { return };
     let Outcome { model, .. } =
-        run(&[input(FILAMENT, bytes)], &Options::default(), &Limits::default(), &Unwatched).unwrap();
+        run(&[input(FILAMENT, bytes)], &Options::default(), &Limits::default(), &NoProgress).unwrap();
     let (area, side) = (model.hull.total_area_mm2(), std::f64::consts::TAU * 0.4 * 6.0);
     let flux = model.flux;
     println!("filament: {flux:?}; hull {area:.3} mm2, side of the cylinder {side:.3} mm2, cell {}", model.hull.cell_mm);

@@ -4,7 +4,7 @@
 use crate::real_files::real;
 use pipeline::formats::record::RawRay;
 use pipeline::rays::declared::open;
-use pipeline::{Declared, Input, Limits, Options, Outcome, Unwatched, run};
+use pipeline::{Declared, Input, Limits, NoProgress, Options, Outcome, run};
 use std::sync::Arc;
 
 fn rays(name: &str) -> Option<Vec<RawRay>> {
@@ -18,7 +18,7 @@ fn rays(name: &str) -> Option<Vec<RawRay>> {
 fn model(name: &str) -> Option<Outcome> {
     let (name, sha256, bytes) = ("container".into(), "0".repeat(64), Arc::new(real(name)?));
     let input = Input { name, sha256, bytes, declared: Declared::default(), notices: Vec::new() };
-    Some(run(&[input], &Options::default(), &Limits::default(), &Unwatched).unwrap())
+    Some(run(&[input], &Options::default(), &Limits::default(), &NoProgress).unwrap())
 }
 
 /// The same rays in two containers are the same rays: places, directions, wavelengths.

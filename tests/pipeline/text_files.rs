@@ -3,7 +3,7 @@
 
 use pipeline::formats::record::{Facts, RawRay};
 use pipeline::rays::declared::open;
-use pipeline::{Declared, Error, Input, LengthUnit, Limits, Options, Quantity, Unwatched, run};
+use pipeline::{Declared, Error, Input, LengthUnit, Limits, NoProgress, Options, Quantity, run};
 use std::fmt::Write;
 use std::sync::Arc;
 
@@ -110,7 +110,9 @@ fn a_model_is_the_same_on_any_number_of_threads() {
     };
     let built = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| run(std::slice::from_ref(&input), &Options::default(), &Limits::default(), &Unwatched).unwrap())
+        pool.install(|| {
+            run(std::slice::from_ref(&input), &Options::default(), &Limits::default(), &NoProgress).unwrap()
+        })
     };
     let (one, three) = (built(1), built(3));
     // 1 + 2 + .. + 40 000 lm.

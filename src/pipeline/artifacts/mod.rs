@@ -98,7 +98,7 @@ pub fn zip(artifacts: &[Artifact]) -> Result<Vec<u8>, Error> {
 mod tests {
     use super::*;
     use crate::source::Columns;
-    use crate::vocabulary::watch::{Stage, Unwatched, Watch};
+    use crate::vocabulary::watch::{NoProgress, Stage, Watch};
     use serde_json::Value;
     use std::io::Read as _;
 
@@ -107,7 +107,7 @@ mod tests {
     const EXTRAS: &str = include_str!("../../../openapi/emitter-extras.schema.json");
 
     fn written(model: &Model) -> Vec<Artifact> {
-        write(model, &RunOptions::default(), StageWatch::enter(&Unwatched, Stage::Artifacts).unwrap()).unwrap()
+        write(model, &RunOptions::default(), StageWatch::enter(&NoProgress, Stage::Artifacts).unwrap()).unwrap()
     }
 
     fn names(artifacts: &[Artifact]) -> Vec<&str> {
@@ -235,7 +235,7 @@ mod tests {
     fn numbers_that_are_not_finite_are_refused() {
         let mut model = fixture::model();
         model.goniograms.total.radiant_w_per_sr.as_mut().unwrap()[7] = f64::NAN;
-        let watch = StageWatch::enter(&Unwatched, Stage::Artifacts).unwrap();
+        let watch = StageWatch::enter(&NoProgress, Stage::Artifacts).unwrap();
         assert!(matches!(write(&model, &RunOptions::default(), watch), Err(Error::Internal(_))));
     }
 

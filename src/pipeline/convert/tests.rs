@@ -10,7 +10,7 @@ use crate::formats::tm25::spectra::Spectra;
 use crate::known_sources::{by_name, write_tm25};
 use crate::rays::declared::open;
 use crate::vocabulary::declaration::Declared;
-use crate::vocabulary::watch::{Stage, Unwatched};
+use crate::vocabulary::watch::{NoProgress, Stage};
 use std::sync::Arc;
 
 fn input(bytes: Vec<u8>) -> Input {
@@ -26,7 +26,7 @@ fn input(bytes: Vec<u8>) -> Input {
 
 fn converted(bytes: Vec<u8>, target: Target) -> Result<(Vec<u8>, Converted), Error> {
     let mut out = Vec::new();
-    let watch = StageWatch::enter(&Unwatched, Stage::Rays)?;
+    let watch = StageWatch::enter(&NoProgress, Stage::Rays)?;
     match convert(&input(bytes), target, &Limits::default(), &mut out, watch) {
         Ok(told) => Ok((out, told)),
         Err(Failed::Read(error)) => Err(error),
@@ -186,7 +186,7 @@ impl Write for Full {
 fn a_full_disk_is_the_streams_answer_and_not_the_files() {
     let input = input(sample("flat-chip", 40_000));
     for room in [100, 40_000, 600_000] {
-        let watch = StageWatch::enter(&Unwatched, Stage::Rays).unwrap();
+        let watch = StageWatch::enter(&NoProgress, Stage::Rays).unwrap();
         let done = convert(&input, Target::Tm25, &Limits::default(), &mut Full(room), watch);
         assert!(matches!(done, Err(Failed::Write(error)) if error.kind() == io::ErrorKind::StorageFull), "{room}");
     }

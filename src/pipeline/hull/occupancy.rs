@@ -209,7 +209,7 @@ impl Occupancy {
 mod tests {
     use super::*;
     use crate::source::Ray;
-    use crate::vocabulary::watch::{Stage, Unwatched};
+    use crate::vocabulary::watch::{NoProgress, Stage};
     use glam::DVec3;
 
     #[test]
@@ -233,7 +233,7 @@ mod tests {
                 rays.chunks(77).for_each(visit);
                 Ok(())
             };
-            count(&pass, lattice, StageWatch::enter(&Unwatched, Stage::Hull).unwrap()).unwrap()
+            count(&pass, lattice, StageWatch::enter(&NoProgress, Stage::Hull).unwrap()).unwrap()
         };
         let fine = count_on(Lattice::fit_divisible(bounds_mm, 96));
         assert_eq!(fine.counts.iter().sum::<u32>(), 5000);

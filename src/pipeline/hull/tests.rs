@@ -1,7 +1,7 @@
 //! Clouds with known surfaces. Expected areas, parts and Euler characteristics are closed forms of the shapes.
 
 use super::*;
-use crate::vocabulary::watch::{Stage, Unwatched};
+use crate::vocabulary::watch::{NoProgress, Stage};
 use glam::{DVec3, Vec3Swizzles};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -55,7 +55,7 @@ fn try_wrap(rays: &[Ray], options: &HullOptions, limits: &Limits) -> Result<Hull
         rays.par_chunks(1000).for_each(visit);
         Ok(())
     };
-    let watch = StageWatch::enter(&Unwatched, Stage::Hull)?;
+    let watch = StageWatch::enter(&NoProgress, Stage::Hull)?;
     wrap_points(&pass, Bounds::of(rays.iter().map(|ray| ray.origin_mm)), options, limits, watch)
 }
 

@@ -4,7 +4,7 @@ use super::far_field::Meridians;
 use super::{focus, order};
 use crate::formats::record::RawRay;
 use crate::rays::check::{Checked, Flaw};
-use crate::rays::survey::Witness;
+use crate::rays::survey::RayVisitor;
 use glam::DVec3;
 
 /// Rays expected in the sample of a large file, ...
@@ -61,8 +61,8 @@ impl Evidence {
     }
 }
 
-impl Witness for Evidence {
-    fn see(&mut self, index: u64, raw: &RawRay, checked: &Checked, weight: f64) {
+impl RayVisitor for Evidence {
+    fn visit(&mut self, index: u64, raw: &RawRay, checked: &Checked, weight: f64) {
         let origin_mm = DVec3::from_array(raw.origin_mm);
         let (relative, direction) = (origin_mm - self.pivot, checked.direction);
         self.focus.add(relative, direction, weight);
@@ -82,7 +82,7 @@ impl Witness for Evidence {
         }
     }
 
-    fn see_flawed(&mut self, raw: &RawRay, flaw: Flaw) {
+    fn visit_flawed(&mut self, raw: &RawRay, flaw: Flaw) {
         if flaw == Flaw::DirectionLength {
             let error = (DVec3::from_array(raw.direction).length() - 1.0).abs();
             self.worst_length_error = self.worst_length_error.max(error);

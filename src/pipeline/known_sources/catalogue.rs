@@ -1,6 +1,6 @@
 //! The known sources by name.
 
-use super::glow::Glow;
+use super::glow::EmissionSpectrum;
 use super::shape::Shape;
 use super::{KnownSource, Part};
 use glam::DVec3;
@@ -40,7 +40,7 @@ pub fn by_name(name: &str) -> Option<KnownSource> {
 }
 
 fn part(shape: Shape, radiant_w: f64, spectrum: &[(f64, f64)]) -> Option<Part> {
-    Some(Part { shape, radiant_w, glow: Glow::new(spectrum)? })
+    Some(Part { shape, radiant_w, glow: EmissionSpectrum::new(spectrum)? })
 }
 
 /// A rectangle in z = 0, glowing up.

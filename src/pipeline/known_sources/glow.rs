@@ -4,16 +4,16 @@ use crate::vocabulary::spectrum::Table;
 
 /// A spectral table with its running integral.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Glow {
+pub struct EmissionSpectrum {
     points: Vec<(f64, f64)>,
     /// Integral up to each point.
     running: Vec<f64>,
     table: Table,
 }
 
-impl Glow {
+impl EmissionSpectrum {
     /// A spectrum of `(nm, weight per nm)` points; `None` where [`Table::new`] says so or where it is a single line.
-    pub fn new(points: &[(f64, f64)]) -> Option<Glow> {
+    pub fn new(points: &[(f64, f64)]) -> Option<EmissionSpectrum> {
         let table = Table::new(points)?;
         let mut sum = 0.0;
         let mut running = vec![0.0];
@@ -21,7 +21,7 @@ impl Glow {
             sum += 0.5 * (pair[0].1 + pair[1].1) * (pair[1].0 - pair[0].0);
             running.push(sum);
         }
-        (sum > 0.0).then_some(Glow { points: points.to_vec(), running, table })
+        (sum > 0.0).then_some(EmissionSpectrum { points: points.to_vec(), running, table })
     }
 
     /// The points, `(nm, weight per nm)`.

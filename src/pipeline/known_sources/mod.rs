@@ -22,7 +22,7 @@ use crate::formats::record::RawRay;
 use crate::vocabulary::space::{Axis, Bounds, Frame};
 use crate::vocabulary::spectrum::Bands;
 use glam::{DMat3, DVec3};
-use glow::Glow;
+use glow::EmissionSpectrum;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use shape::Shape;
@@ -41,7 +41,7 @@ pub struct Part {
     /// Its radiant flux, W.
     pub radiant_w: f64,
     /// Its spectrum.
-    pub glow: Glow,
+    pub glow: EmissionSpectrum,
 }
 
 /// A source of which everything is known.

@@ -11,7 +11,7 @@ use crate::formats::tm25::writer::Writer;
 use crate::formats::writer::Encode;
 use crate::rays::chunks;
 use crate::vocabulary::spectrum::wider;
-use crate::vocabulary::watch::{Stage, StageWatch, Unwatched};
+use crate::vocabulary::watch::{NoProgress, Stage, StageWatch};
 use std::io;
 use std::io::Write;
 
@@ -24,7 +24,7 @@ pub fn write_tm25(source: &KnownSource, rays: u64, seed: u64, out: &mut dyn Writ
     let mut writer = Writer::start(out, &preamble(source, rays, seed))?;
     let rows = writer.rows();
     let chunk_rays = CHUNK_RAYS as u64;
-    let written = StageWatch::enter(&Unwatched, Stage::Rays).and_then(|watch| {
+    let written = StageWatch::enter(&NoProgress, Stage::Rays).and_then(|watch| {
         chunks::in_order(
             rays.div_ceil(chunk_rays),
             watch,

@@ -54,7 +54,7 @@ pub fn in_order<S, T: Send, A>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vocabulary::watch::{Stage, Unwatched};
+    use crate::vocabulary::watch::{NoProgress, Stage};
     use rayon::ThreadPoolBuilder;
     use std::sync::Mutex;
 
@@ -66,7 +66,7 @@ mod tests {
             let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let begun = Mutex::new(Vec::new());
             let merged = pool.install(|| {
-                let watch = StageWatch::enter(&Unwatched, Stage::Rays).unwrap();
+                let watch = StageWatch::enter(&NoProgress, Stage::Rays).unwrap();
                 let work = |_: &mut (), chunk| {
                     begun.lock().unwrap().push(chunk);
                     Ok(chunk)
@@ -95,7 +95,7 @@ mod tests {
 
     #[test]
     fn the_first_failure_in_order_is_told() {
-        let watch = StageWatch::enter(&Unwatched, Stage::Rays).unwrap();
+        let watch = StageWatch::enter(&NoProgress, Stage::Rays).unwrap();
         let work = |_: &mut (), chunk: u64| match chunk {
             20 | 21 | 40 => Err(Error::refused("test.chunk", chunk.to_string(), "")),
             _ => Ok(()),

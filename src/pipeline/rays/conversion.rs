@@ -112,7 +112,7 @@ impl Conversion {
             let unit = flux.quantity().unit();
             let found = format!("The declared flux is {} {unit}, and the channel's light has no {unit}.", flux.value());
             let remedy = "Declare its flux in the other quantity, or another spectrum.";
-            return Err(Error::undeclarable("rays.flux_dark", Place::Channel(0, "flux"), found, remedy));
+            return Err(Error::invalid_declaration("rays.flux_dark", Place::Channel(0, "flux"), found, remedy));
         };
         let factor = flux.value() / own;
         self.radiant_scale *= factor;

@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// Opens one ray file and applies what was declared of it.
 ///
 /// # Errors
-/// As [`formats::open`] and [`amend`]; [`Error::Unusable`] for a declaration that cannot be right.
+/// As [`formats::open`] and [`apply_declaration`]; [`Error::Unusable`] for a declaration that cannot be right.
 pub fn open(bytes: Arc<dyn Bytes>, declared: &Declared, limits: &Limits) -> Result<RaySet, Error> {
     apply(formats::open(bytes, declared.columns.as_deref(), limits)?, declared)
 }
@@ -22,10 +22,10 @@ pub fn open(bytes: Arc<dyn Bytes>, declared: &Declared, limits: &Limits) -> Resu
 /// The ray set as its user says it is.
 ///
 /// # Errors
-/// As [`amend`].
+/// As [`apply_declaration`].
 fn apply(set: RaySet, declared: &Declared) -> Result<RaySet, Error> {
     let RaySet { mut facts, records } = set;
-    let Correction { scale, moved } = amend(&mut facts, declared)?;
+    let Correction { scale, moved } = apply_declaration(&mut facts, declared)?;
     if scale == 1.0 && !moved {
         return Ok(RaySet { facts, records });
     }
@@ -46,7 +46,7 @@ pub struct Correction {
 /// # Errors
 /// `rays.columns_not_text` where columns are declared of a format that has its own, `rays.quantity_both` where a quantity is
 /// declared of a file that carries both, `rays.flux_impossible`.
-pub fn amend(facts: &mut Facts, declared: &Declared) -> Result<Correction, Error> {
+pub fn apply_declaration(facts: &mut Facts, declared: &Declared) -> Result<Correction, Error> {
     declared.validate()?;
     if declared.columns.is_some() && facts.format != Format::Columns {
         let found = format!(
@@ -56,18 +56,18 @@ pub fn amend(facts: &mut Facts, declared: &Declared) -> Result<Correction, Error
         let refused = Error::refused("rays.columns_not_text", found, "Leave the columns out.");
         return Err(refused.at_channel(0, "columns"));
     }
-    let scale = amend_unit(facts, declared.length_unit);
-    let mut moved = amend_quantity(facts, declared.quantity)?;
+    let scale = apply_unit(facts, declared.length_unit);
+    let mut moved = apply_quantity(facts, declared.quantity)?;
     if let Some(table) = &declared.spectrum {
-        amend_spectrum(facts, table);
+        apply_spectrum(facts, table);
     }
     if let Some(flux) = declared.flux {
-        moved ^= amend_for_flux(facts, flux.quantity(), declared.quantity.is_none());
+        moved ^= apply_for_flux(facts, flux.quantity(), declared.quantity.is_none());
     }
     Ok(Correction { scale, moved })
 }
 
-fn amend_unit(facts: &mut Facts, declared: Option<LengthUnit>) -> f64 {
+fn apply_unit(facts: &mut Facts, declared: Option<LengthUnit>) -> f64 {
     let Some(unit) = declared else { return 1.0 };
     if let Some(stored) = facts.length_unit.filter(|stored| *stored != unit) {
         let told =
@@ -80,7 +80,7 @@ fn amend_unit(facts: &mut Facts, declared: Option<LengthUnit>) -> f64 {
 }
 
 /// True when the values move to the other quantity.
-fn amend_quantity(facts: &mut Facts, declared: Option<Quantity>) -> Result<bool, Error> {
+fn apply_quantity(facts: &mut Facts, declared: Option<Quantity>) -> Result<bool, Error> {
     let Some(quantity) = declared else { return Ok(false) };
     let unknown = std::mem::take(&mut facts.quantity_unknown);
     match stored(facts) {
@@ -106,7 +106,7 @@ fn amend_quantity(facts: &mut Facts, declared: Option<Quantity>) -> Result<bool,
 
 /// The declared table holds, and its lm/W: the header's, and the lm of rays that have W too, came from a spectrum that no longer
 /// does.
-fn amend_spectrum(facts: &mut Facts, table: &Table) {
+fn apply_spectrum(facts: &mut Facts, table: &Table) {
     if facts.spectral != SpectralData::None {
         let told = "The file has a spectrum of its own; as declared, another was used in its place.";
         facts.notices.add("rays.spectrum_replaced", told);
@@ -125,7 +125,7 @@ fn amend_spectrum(facts: &mut Facts, table: &Table) {
 
 /// A flux in a quantity that neither the rays nor a spectrum gives makes their values relative weights of it; it also answers
 /// what the values are, where nobody else does.
-fn amend_for_flux(facts: &mut Facts, quantity: Quantity, may_answer: bool) -> bool {
+fn apply_for_flux(facts: &mut Facts, quantity: Quantity, may_answer: bool) -> bool {
     let unknown = may_answer && std::mem::take(&mut facts.quantity_unknown);
     let Some(stored) = stored(facts).filter(|stored| *stored != quantity) else { return false };
     if !unknown {

@@ -90,22 +90,22 @@ pub struct Reading {
     moment: DVec3,
 }
 
-/// Who looks on while rays are surveyed.
-pub trait Witness: Send {
+/// What is gathered of rays while they are surveyed, besides the survey itself.
+pub trait RayVisitor: Send {
     /// Ray `index` as stored and as checked; `weight` is its flux at scale 1.
-    fn see(&mut self, index: u64, raw: &RawRay, checked: &Checked, weight: f64);
-    /// A ray that does not go on.
-    fn see_flawed(&mut self, raw: &RawRay, flaw: Flaw);
-    /// Takes over what was seen of later rays.
+    fn visit(&mut self, index: u64, raw: &RawRay, checked: &Checked, weight: f64);
+    /// A ray that is refused or dropped, and why.
+    fn visit_flawed(&mut self, raw: &RawRay, flaw: Flaw);
+    /// Adds what another visitor gathered of later rays.
     fn merge(&mut self, later: Self);
 }
 
-/// Reads and checks every ray of `set` once, without a judgement, with a witness made by `fresh` for each chunk; `radiant`
+/// Reads and checks every ray of `set` once, without a judgement, with a visitor made by `fresh` for each chunk; `radiant`
 /// chooses the quantity that weights places and directions.
 ///
 /// # Errors
 /// [`Error::Cancelled`]; as [`crate::formats::record::Records::read`].
-pub fn survey<W: Witness>(
+pub fn survey<W: RayVisitor>(
     set: &RaySet,
     radiant: bool,
     bands: &Bands,
@@ -115,7 +115,7 @@ pub fn survey<W: Witness>(
     let conversion = Conversion::of(&set.facts);
     let chunk_rays = CHUNK_RAYS as u64;
     let count = set.facts.ray_count;
-    let (mut reading, witness) = chunks::in_order(
+    let (mut reading, visitor) = chunks::in_order(
         count.div_ceil(chunk_rays),
         watch,
         (Reading::new(), fresh()),
@@ -124,20 +124,20 @@ pub fn survey<W: Witness>(
             let first = chunk * chunk_rays;
             raws.clear();
             set.records.read(first, chunk_rays.min(count - first) as usize, raws)?;
-            let (mut part, mut witness) = (Reading::new(), fresh());
+            let (mut part, mut visitor) = (Reading::new(), fresh());
             for (index, raw) in (first..).zip(raws.iter()) {
                 let checked = check::check(&set.facts, &conversion, raw);
-                part.see(set, radiant, bands, index, raw, &checked);
+                part.add(set, radiant, bands, index, raw, &checked);
                 match &checked {
-                    Ok(checked) => witness.see(index, raw, checked, checked.flux[usize::from(!radiant)]),
-                    Err(flaw) => witness.see_flawed(raw, *flaw),
+                    Ok(checked) => visitor.visit(index, raw, checked, checked.flux[usize::from(!radiant)]),
+                    Err(flaw) => visitor.visit_flawed(raw, *flaw),
                 }
             }
-            Ok((part, witness))
+            Ok((part, visitor))
         },
-        |(whole, witness), (part, seen)| {
+        |(whole, visitor), (part, seen)| {
             whole.merge(part);
-            witness.merge(seen);
+            visitor.merge(seen);
             Ok(())
         },
     )?;
@@ -145,7 +145,7 @@ pub fn survey<W: Witness>(
     if weight > 0.0 {
         reading.survey.centroid_mm = reading.moment / weight;
     }
-    Ok((reading, witness))
+    Ok((reading, visitor))
 }
 
 impl Reading {
@@ -162,7 +162,7 @@ impl Reading {
         }
     }
 
-    fn see(
+    fn add(
         &mut self,
         set: &RaySet,
         radiant: bool,
@@ -181,7 +181,7 @@ impl Reading {
                     (false, _) => checked.flux[0],
                 };
                 if matches!(set.facts.spectral, SpectralData::Wavelength) {
-                    self.see_wavelength(raw.wavelength_nm, index, bands);
+                    self.add_wavelength(raw.wavelength_nm, index, bands);
                 }
             }
             Err(flaw) => self.leave(*flaw, index),
@@ -205,7 +205,7 @@ impl Reading {
         }
     }
 
-    fn see_wavelength(&mut self, nm: f64, index: u64, bands: &Bands) {
+    fn add_wavelength(&mut self, nm: f64, index: u64, bands: &Bands) {
         self.survey.wavelength_nm = wider(self.survey.wavelength_nm, Some((nm, nm)));
         if bands.band(nm).is_none() {
             self.outside = (self.outside.0 + 1, self.outside.1.or(Some(index)));

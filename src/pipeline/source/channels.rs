@@ -6,7 +6,7 @@ use crate::formats::record::{Facts, Format, SpectralData, TotalRule};
 use crate::formats::text::columns;
 use crate::rays::bands::Reach;
 use crate::rays::conversion::Conversion;
-use crate::rays::declared::amend;
+use crate::rays::declared::apply_declaration;
 use crate::vocabulary::declaration::{Column, Declared, Total};
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::spectrum::Table;
@@ -125,13 +125,13 @@ pub fn fluxes(declared: &[&Declared], total: Option<Total>) -> Result<Vec<Option
         let Some(total) = total else {
             let found = "The channel has a share of a total that was not given.";
             let remedy = "Give the source's total in W or lm, or the channel's own flux.";
-            return Err(Error::undeclarable("rays.share_without_total", place, found, remedy));
+            return Err(Error::invalid_declaration("rays.share_without_total", place, found, remedy));
         };
         if total.quantity() != quantity {
             let found =
                 format!("The share is one of {}, the total is in {}.", quantity.unit(), total.quantity().unit());
             let remedy = "Give shares and total in the same quantity; data sheets have both kinds of shares.";
-            return Err(Error::undeclarable("rays.share_quantity", place, found, remedy));
+            return Err(Error::invalid_declaration("rays.share_quantity", place, found, remedy));
         }
         sum += share;
         resolved.push(channel.flux.map(|flux| Total::from_override(flux, total.value())));
@@ -145,19 +145,24 @@ fn together(total: Option<Total>, sum: f64, missing: Option<usize>) -> Result<()
     if total.is_some() && sum == 0.0 {
         let found = "A total is given, and no channel has a share of it.";
         let remedy = "Declare the share of every channel, or leave the total out and declare fluxes.";
-        return Err(Error::undeclarable("rays.total_unused", Place::Total, found, remedy));
+        return Err(Error::invalid_declaration("rays.total_unused", Place::Total, found, remedy));
     }
     if sum > 0.0
         && let Some(index) = missing
     {
         let found = "Other channels have shares of the total, this one has none.";
         let place = Place::Channel(index, "flux");
-        return Err(Error::undeclarable("rays.share_missing", place, found, "Declare the share of every channel."));
+        return Err(Error::invalid_declaration(
+            "rays.share_missing",
+            place,
+            found,
+            "Declare the share of every channel.",
+        ));
     }
     if sum > 0.0 && (sum - 1.0).abs() > SHARE_TOLERANCE {
         let found = format!("The shares of the channels add to {sum}, not to 1.");
         let remedy = "Correct them; where a channel was left out, divide each by their sum.";
-        return Err(Error::undeclarable("rays.share_sum", Place::Total, found, remedy));
+        return Err(Error::invalid_declaration("rays.share_sum", Place::Total, found, remedy));
     }
     Ok(())
 }
@@ -241,7 +246,7 @@ impl Claims {
         if let Some(columns) = declared.columns.as_ref().filter(|_| self.format == Format::Columns) {
             in_columns(&mut facts, columns)?;
         }
-        amend(&mut facts, declared)?;
+        apply_declaration(&mut facts, declared)?;
         Ok(facts)
     }
 }
@@ -265,7 +270,7 @@ fn in_columns(facts: &mut Facts, columns: &[Column]) -> Result<(), Error> {
 /// reading a ray. Each comes with its name and its SHA-256.
 ///
 /// # Errors
-/// As [`judge`], [`fluxes`] and [`amend`].
+/// As [`judge`], [`fluxes`] and [`apply_declaration`].
 pub fn judge_claims(files: &[(&str, &str, &Claims, &Declared)], total: Option<Total>) -> Result<(), Error> {
     let declared: Vec<&Declared> = files.iter().map(|(_, _, _, declared)| *declared).collect();
     fluxes(&declared, total)?;

@@ -102,7 +102,7 @@ impl Total {
             return Ok(());
         }
         let found = format!("The declared flux is {value} {}.", self.quantity().unit());
-        Err(Error::undeclarable("rays.flux_impossible", place, found, "Declare a positive number."))
+        Err(Error::invalid_declaration("rays.flux_impossible", place, found, "Declare a positive number."))
     }
 }
 
@@ -199,7 +199,7 @@ impl Declared {
             {
                 let found = format!("The declared share is {share}.");
                 let remedy = "Declare a share above 0 and at most 1; leave a channel without light out.";
-                Err(Error::undeclarable("rays.flux_impossible", FLUX, found, remedy))
+                Err(Error::invalid_declaration("rays.flux_impossible", FLUX, found, remedy))
             }
             _ => Ok(()),
         }

@@ -48,9 +48,9 @@ pub trait Watch: Send + Sync {
 }
 
 /// Nobody watches.
-pub struct Unwatched;
+pub struct NoProgress;
 
-impl Watch for Unwatched {
+impl Watch for NoProgress {
     fn progress(&self, _stage: Stage, _fraction: f64) {}
     fn cancelled(&self) -> bool {
         false

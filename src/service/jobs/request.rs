@@ -181,7 +181,7 @@ fn table(index: usize, points: &[(f64, f64)]) -> Result<Table, Error> {
     Table::new(points).ok_or_else(|| {
         let found = "The points are no spectrum.";
         let remedy = "Give wavelengths in nm, positive and increasing, with values of 0 or more, one of them above 0.";
-        Error::undeclarable("rays.spectrum_points", Place::Channel(index, "spectrum"), found, remedy)
+        Error::invalid_declaration("rays.spectrum_points", Place::Channel(index, "spectrum"), found, remedy)
     })
 }
 

@@ -95,7 +95,7 @@ pub fn columns(index: usize, names: &[String]) -> Result<Vec<pipeline::Column>, 
             let known = pipeline::Column::ALL.map(pipeline::Column::name).join(", ");
             let place = Place::Channel(index, "columns");
             let found = format!("There is no column {name:?}.");
-            Error::undeclarable("rays.column_unknown", place, found, format!("Name each column one of {known}."))
+            Error::invalid_declaration("rays.column_unknown", place, found, format!("Name each column one of {known}."))
         })
     };
     names.iter().map(column).collect()

@@ -1,5 +1,5 @@
 //! Rows of uploads that can be resumed, while their bytes come. Every change names what it is a change of: the offset it
-//! goes on from and the session that may. What ends them is in `endings.rs`.
+//! goes on from and the session that may. What ends them is in `outcome.rs`.
 
 use crate::accounts::quota::{Exceeded, Quota};
 use crate::metadata::{Metadata, rows};

@@ -10,7 +10,7 @@ use pipeline::known_sources::{by_name, write_tm25};
 use pipeline::rays::survey::survey;
 use pipeline::vocabulary::spectrum::Bands;
 use pipeline::vocabulary::watch::StageWatch;
-use pipeline::{Declared, Input, Limits, Stage, Unwatched};
+use pipeline::{Declared, Input, Limits, NoProgress, Stage};
 use rayon::prelude::*;
 use std::error::Error;
 use std::fs::File;
@@ -49,7 +49,7 @@ fn make(rays: u64, tm25: &str, zemax: &str) -> Result<(), Box<dyn Error>> {
     let input =
         Input { name: tm25.into(), sha256: String::new(), bytes, declared: Declared::default(), notices: Vec::new() };
     let mut out = BufWriter::new(File::create(zemax)?);
-    let watch = StageWatch::enter(&Unwatched, Stage::Rays)?;
+    let watch = StageWatch::enter(&NoProgress, Stage::Rays)?;
     convert(&input, Target::ZemaxBinary, &Limits::default(), &mut out, watch)
         .map_err(|failed| format!("{failed:?}"))?;
     Ok(())
@@ -77,7 +77,7 @@ fn measured(what: &str, path: &str) -> Result<f64, Box<dyn Error>> {
         decode(&set)?
     } else {
         let bands = Bands::regular(380.0, 780.0, 10.0).ok_or("no bands")?;
-        survey(&set, true, &bands, &limits, StageWatch::enter(&Unwatched, Stage::Rays)?)?.sums.radiant
+        survey(&set, true, &bands, &limits, StageWatch::enter(&NoProgress, Stage::Rays)?)?.sums.radiant
     };
     let seconds = started.elapsed().as_secs_f64();
     if (watt - 1.0).abs() > 1e-6 { Err(format!("read {watt} W of 1 W").into()) } else { Ok(seconds) }

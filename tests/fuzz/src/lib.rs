@@ -12,7 +12,7 @@ pub use libfuzzer_sys;
 use pipeline::formats::record::RawRay;
 use pipeline::vocabulary::limits::Limits;
 use pipeline::{
-    Content, Declared, Error, Input, LengthUnit, Options, Quantity, Unwatched, header, inspect, peek, run, unpack,
+    Content, Declared, Error, Input, LengthUnit, Options, Quantity, NoProgress, header, inspect, peek, run, unpack,
 };
 use std::sync::{Arc, Once};
 
@@ -138,7 +138,7 @@ fn file(input: &Input) {
     let early = peek(&data, Some(data.len() as u64), &limits);
     assert!(early.is_ok(), "opens, and was refused at its first bytes: {early:?}");
     random_access(input, header.ray_count);
-    let Some(inspection) = about_the_bytes(inspect(input, &limits, &Unwatched)) else { return };
+    let Some(inspection) = about_the_bytes(inspect(input, &limits, &NoProgress)) else { return };
     let all = inspection.rays_used + inspection.rays_refused + inspection.rays_dropped;
     assert_eq!(all, header.ray_count, "every ray has one fate");
     let flux = [inspection.flux.radiant_w, inspection.flux.luminous_lm];
@@ -187,7 +187,7 @@ fn upload(data: &[u8]) {
     file(&input(data, Declared::default()));
     let limits = limits();
     let options = options(data.len());
-    let Some(outcome) = about_the_bytes(run(&[input(data, said())], &options, &limits, &Unwatched)) else { return };
+    let Some(outcome) = about_the_bytes(run(&[input(data, said())], &options, &limits, &NoProgress)) else { return };
     let balance = &outcome.model.surface.balance;
     assert!(balance.every_ray_once() && balance.error() < 1e-6, "{balance:?}");
     assert_eq!(outcome.model.hull.check(), [], "the surface is broken");

@@ -40,7 +40,7 @@ impl Named {
         let found = "The names of x, y and z have different length units, or some have none.";
         let place = Place::Channel(0, "columns");
         let remedy = "Give all three one unit; or declare the columns and the length unit, where the names are wrong.";
-        Err(Error::undeclarable("columns.units", place, found, remedy))
+        Err(Error::invalid_declaration("columns.units", place, found, remedy))
     }
 }
 

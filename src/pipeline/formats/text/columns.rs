@@ -115,7 +115,7 @@ impl Head {
         if slots.len() != self.width {
             let by = if declared.is_some() { "declaration" } else { "header" };
             let found = format!("The {by} names {} columns; the rows have {}.", slots.len(), self.width);
-            return Err(Error::undeclarable("columns.count", DECLARED, found, DECLARE));
+            return Err(Error::invalid_declaration("columns.count", DECLARED, found, DECLARE));
         }
         for (k, slot) in slots.iter_mut().enumerate().filter(|(_, slot)| slot.is_none()) {
             *slot = Some(Slot::new(wavelength_unit(&proof, k, notices)?, 1.0));
@@ -144,7 +144,7 @@ impl Head {
             }
             width => {
                 let found = format!("The rows have {width} columns without names; only 7, 8 or 9 can be told apart.");
-                return Err(Error::undeclarable("columns.unnamed", DECLARED, found, DECLARE));
+                return Err(Error::invalid_declaration("columns.unnamed", DECLARED, found, DECLARE));
             }
         };
         let slots = Slot::of(&columns, 1.0).into_iter().map(Some);
@@ -177,7 +177,7 @@ fn wavelength_unit(proof: &[Vec<f64>], k: usize, notices: &mut Notices) -> Resul
         () if all_in(LIGHT_NM) => (Column::WavelengthNm, "nm"),
         () => {
             let found = format!("Column {} does not read like wavelengths in nm or \u{b5}m.", k + 1);
-            return Err(Error::undeclarable("columns.wavelength", DECLARED, found, DECLARE));
+            return Err(Error::invalid_declaration("columns.wavelength", DECLARED, found, DECLARE));
         }
     };
     let told = format!("Column {} was read as wavelengths in {unit}: its values say so, not the file.", k + 1);
@@ -200,7 +200,7 @@ pub fn judge(columns: &[Column]) -> Result<(), Error> {
         .collect();
     if !missing.is_empty() {
         let found = format!("No column holds {}.", missing.join(", "));
-        return Err(Error::undeclarable("columns.missing", DECLARED, found, DECLARE));
+        return Err(Error::invalid_declaration("columns.missing", DECLARED, found, DECLARE));
     }
     let waves = count(Column::WavelengthNm) + count(Column::WavelengthUm);
     let unit_known = fluxes[1] + fluxes[2];
@@ -208,7 +208,7 @@ pub fn judge(columns: &[Column]) -> Result<(), Error> {
     if twice.is_some() || waves > 1 || (fluxes[0] > 0 && unit_known > 0) {
         let what = twice.map_or(if waves > 1 { "a wavelength" } else { "a flux" }, Column::name);
         let found = format!("More than one column holds {what}.");
-        return Err(Error::undeclarable("columns.twice", DECLARED, found, DECLARE));
+        return Err(Error::invalid_declaration("columns.twice", DECLARED, found, DECLARE));
     }
     Ok(())
 }
@@ -229,7 +229,7 @@ fn judge_directions(columns: &[Column], proof: &[Vec<f64>]) -> Result<(), Error>
     let better = (2..columns.len()).map(|k| [k - 2, k - 1, k]).find(|at| hold(*at));
     let hint = better.map_or(String::new(), |[l, _, n]| format!(" Columns {} to {} are.", l + 1, n + 1));
     let found = format!("Columns {l}, {m} and {n} are no direction cosines: their squares do not sum to 1.{hint}");
-    Err(Error::undeclarable("columns.directions", DECLARED, found, DECLARE))
+    Err(Error::invalid_declaration("columns.directions", DECLARED, found, DECLARE))
 }
 
 #[cfg(test)]
