@@ -7,6 +7,8 @@ use crate::options::Options as RunOptions;
 use crate::vocabulary::declaration::{Column, FluxOverride, Total};
 use crate::vocabulary::spectrum::Table;
 use crate::vocabulary::units::{LengthUnit, Quantity};
+use crate::writing::schema::SHA256;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// The program's name, as artifacts say it.
@@ -22,9 +24,12 @@ pub fn generator() -> String {
 }
 
 /// Who made an artifact.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 pub struct Generator {
+    /// The program's name.
     name: &'static str,
+    /// Its version: the same version makes the same bytes of the same input.
     version: &'static str,
 }
 
@@ -32,29 +37,45 @@ pub struct Generator {
 pub const GENERATOR: Generator = Generator { name: NAME, version: VERSION };
 
 /// One input file.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 pub struct InputFile<'a> {
+    /// Name of the file.
     name: &'a str,
+    /// SHA-256 of the file.
+    #[schemars(regex(pattern = SHA256))]
     sha256: &'a str,
+    /// Length of the file, bytes.
     byte_count: u64,
+    /// The format it was read as, e.g. "IES TM-25".
     format: &'a str,
+    /// Rays in the file.
     ray_count: u64,
+    /// Rays of it that are in the model.
     rays_used: u64,
+    /// What the user said of it.
     declared: DeclaredFacts,
 }
 
 /// What the user said of the file, and was obeyed in; null: nothing.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 pub struct DeclaredFacts {
+    /// Unit of its positions.
+    #[schemars(extend("enum" = LengthUnit::symbols_and_null()))]
     length_unit: Option<&'static str>,
+    /// Whether its flux values are W or lm.
     quantity: Option<Quantity>,
+    /// What stands in each column of a text file.
     columns: Option<Vec<Column>>,
+    /// Its total flux as it was declared.
     flux: Option<FluxOverride>,
     /// What the flux came to: itself, or its share of the source's total.
     total: Option<Total>,
     /// Wavelengths of the spectrum, nm.
     spectrum_range_nm: Option<(f64, f64)>,
     /// SHA-256 of its points as f64, little-endian, wavelength (nm) and value in turn.
+    #[schemars(regex(pattern = SHA256))]
     spectrum_sha256: Option<String>,
 }
 
@@ -80,10 +101,17 @@ fn table_sha256(table: &Table) -> Option<String> {
 }
 
 /// Same inputs, declarations, options and version give the same bytes; these are they.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 pub struct Provenance<'a> {
+    /// Who made it.
     generator: Generator,
+    /// The ray files, in the order of the channels.
+    #[schemars(length(min = 1))]
     inputs: Vec<InputFile<'a>>,
+    /// Every option of the run, as used.
+    // By hand for now: when the options derive JsonSchema, the next line goes.
+    #[schemars(with = "serde_json::Map<String, serde_json::Value>")]
     options: &'a RunOptions,
 }
 

@@ -1,10 +1,11 @@
 //! The source frame: the ray file's own right-handed axes, lengths in mm, directions unit vectors.
 
 use glam::{DMat3, DVec3};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// One of the six axis directions of the source frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, JsonSchema)]
 pub enum Axis {
     /// +X
     #[serde(rename = "+X")]
