@@ -11,5 +11,6 @@ mod packed;
 mod rays;
 mod real_files;
 mod same_rays;
+mod schemas;
 mod text_files;
 mod writers;

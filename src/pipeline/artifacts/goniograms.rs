@@ -1,5 +1,6 @@
 //! `goniograms.json`: the angular half of the contract (`openapi/goniograms.schema.json`). Units are in the keys.
 
+use super::facts::{Box3, FrameFacts, LatticeFacts, QualityFacts, Spectrum};
 use super::ies;
 use super::plots::polar;
 use super::provenance::{GENERATOR, Generator, Provenance, source_name};
@@ -7,15 +8,24 @@ use crate::error::Error;
 use crate::goniogram::{Goniogram, SphereGrid, Zone};
 use crate::model::Model;
 use crate::options::Options as RunOptions;
-use crate::source::Columns;
-use crate::vocabulary::space::{Bounds, Frame};
+use crate::source::{Columns, Spectral};
 use crate::writing::number::{ARRAY_DIGITS, Matrix, Numbers, sum};
 use crate::writing::{Artifact, json};
-use glam::DVec3;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Name in the zip.
 pub const NAME: &str = "goniograms.json";
+/// What the document calls its schema.
+const URN: &str = "urn:lampwright:goniograms:1";
+const FORMAT: &str = "emitter-goniograms";
+const CELLS: &str =
+    "node-centred: a node's cell reaches halfway to its neighbours; the pole cells are caps shared by all C";
+const INTERPOLATION: &str = "bilinear in C and gamma";
+/// How spectral intensities are written.
+const ENCODING: &str = "dense";
+const ORDER: &str = "c, gamma, band";
+const UNIT: &str = "W/(sr nm)";
 
 /// The document.
 ///
@@ -24,8 +34,8 @@ pub const NAME: &str = "goniograms.json";
 pub fn artifact(model: &Model, options: &RunOptions) -> Result<Artifact, Error> {
     let goniograms = &model.goniograms;
     let document = Document {
-        schema: "urn:lampwright:goniograms:1",
-        format: "emitter-goniograms",
+        schema: URN,
+        format: FORMAT,
         version: "1.0",
         generator: GENERATOR,
         source: SourceFacts::new(model),
@@ -52,32 +62,64 @@ fn observer(columns: &Columns) -> &'static str {
     }
 }
 
-#[derive(Serialize)]
-struct Document<'a> {
+/// Far-field intensity of each zone of an emitter on a (C, gamma) grid, luminous and radiant, with spectra. Every number's
+/// unit is in its key's suffix (_deg, _nm, _mm, _cd, _sr, _W_per_sr, _lm, _W).
+#[derive(Serialize, JsonSchema)]
+#[schemars(title = "Zonal spectral goniograms of a light source", extend("$id" = URN))]
+pub(super) struct Document<'a> {
+    /// Compare this, not the version: another number means a change that breaks readers.
+    #[schemars(extend("const" = URN))]
     schema: &'static str,
+    /// What kind of file this is.
+    #[schemars(extend("const" = FORMAT))]
     format: &'static str,
+    /// Grows with every new key.
+    #[schemars(regex(pattern = r"^1\.[0-9]+$"))]
     version: &'static str,
+    /// Who made it.
     generator: Generator,
+    /// The whole of what was read.
     source: SourceFacts,
+    /// The photometric frame that C and gamma are measured in.
     frame: FrameFacts,
+    /// Where the zones lie.
     lattice: LatticeFacts,
+    /// Where intensities are given.
     grid: Grid,
+    /// The bands of every spectral number; left out where no spectrum is known.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Spectrum")]
     spectrum: Option<Spectrum>,
+    /// How lumens came about.
     observer: &'static str,
+    /// The goniogram of each zone; the index is the zone's id.
+    #[schemars(length(min = 1))]
     zones: Vec<ZoneEntry<'a>>,
+    /// The goniogram of the whole source.
     total: Entry<'a>,
+    /// What makes the same bytes again.
     provenance: Provenance<'a>,
 }
 
-#[derive(Serialize)]
+/// The whole of what was read.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct SourceFacts {
+    /// Names of the files, joined by " + ".
     name: String,
+    /// Rays in the files.
     ray_count: u64,
+    /// Rays that are not in the model: without flux, or impossible.
     rays_dropped: u64,
+    /// Radiant flux of the usable rays, W; null where it cannot be known without guessing.
     #[serde(rename = "flux_W")]
+    #[schemars(range(min = 0))]
     flux_w: Option<f64>,
+    /// Luminous flux of the usable rays, lm; null where it cannot be known without guessing.
+    #[schemars(range(min = 0))]
     flux_lm: Option<f64>,
+    /// What spectral results are made from.
+    #[schemars(extend("enum" = Spectral::BASES))]
     spectral_basis: &'static str,
 }
 
@@ -96,62 +138,32 @@ impl SourceFacts {
     }
 }
 
-/// The photometric frame, in words and as vectors.
-#[derive(Serialize)]
-pub struct FrameFacts {
-    convention: &'static str,
-    axes_in_source: Axes,
-    nadir: &'static str,
-    c0: &'static str,
-}
-
-#[derive(Serialize)]
-struct Axes {
-    x: DVec3,
-    y: DVec3,
-    z: DVec3,
-}
-
-impl FrameFacts {
-    /// Of a frame.
-    pub fn new(frame: &Frame) -> FrameFacts {
-        FrameFacts {
-            convention: "IES type C / CIE C-gamma: gamma 0 = nadir = -z, gamma 180 = zenith = +z, C 0 = +x, C 90 = +y, \
-                         C counter-clockwise seen from zenith",
-            // Adding zero turns -0 into 0.
-            axes_in_source: Axes { x: frame.x() + 0.0, y: frame.y() + 0.0, z: frame.z() + 0.0 },
-            nadir: frame.nadir.name(),
-            c0: frame.c0.name(),
-        }
-    }
-}
-
-/// The zone lattice in the plane of photometric x and y.
-#[derive(Serialize)]
-pub struct LatticeFacts {
-    columns: usize,
-    rows: usize,
-    min_mm: [f64; 2],
-    max_mm: [f64; 2],
-}
-
-impl LatticeFacts {
-    /// Of a model.
-    pub fn new(model: &Model) -> LatticeFacts {
-        let lattice = &model.goniograms.lattice;
-        let (columns, rows) = (lattice.columns, lattice.rows);
-        LatticeFacts { columns, rows, min_mm: lattice.min_mm.map(sum), max_mm: lattice.max_mm.map(sum) }
-    }
-}
-
-#[derive(Serialize)]
+/// Where intensities are given.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct Grid {
+    /// Nodes, increasing, first 0, last below 360 (360 is 0); one node: axially symmetric.
+    #[schemars(length(min = 1))]
     c_deg: Vec<f64>,
+    /// Nodes, increasing, first 0, last 180.
+    #[schemars(length(min = 1))]
     gamma_deg: Vec<f64>,
+    /// After these degrees C begins again.
+    #[schemars(extend("const" = 360))]
     c_period_deg: u32,
+    /// How nodes stand for solid angles.
+    #[schemars(extend("const" = CELLS))]
     cells: &'static str,
+    /// Solid angle of the cell of each node of gamma, for one C plane. Their sum times the number of C planes is 4 pi; the sum
+    /// of intensity times it is the flux.
+    #[schemars(inner(range(min = 0)))]
     solid_angle_sr: Vec<f64>,
+    /// What holds between nodes.
+    #[schemars(extend("const" = INTERPOLATION))]
     interpolation: &'static str,
+    /// Integral over the sphere of the hat function of each node of gamma, for one C plane. They sum to 4 pi likewise; the sum
+    /// of intensity times it is what the interpolated distribution integrates to.
+    #[schemars(inner(range(min = 0)))]
     interpolation_weight_sr: Vec<f64>,
 }
 
@@ -162,37 +174,31 @@ impl Grid {
             c_deg: sums(grid.c_deg()),
             gamma_deg: sums(grid.gamma_deg()),
             c_period_deg: 360,
-            cells: "node-centred: a node's cell reaches halfway to its neighbours; the pole cells are caps shared by all C",
+            cells: CELLS,
             solid_angle_sr: sums(grid.plane_solid_angles_sr()),
-            interpolation: "bilinear in C and gamma",
+            interpolation: INTERPOLATION,
             interpolation_weight_sr: sums(grid.interpolation_weights_sr()),
         }
     }
 }
 
-/// The bands of every spectral number.
-#[derive(Serialize)]
-pub struct Spectrum {
-    wavelength_nm: Vec<f64>,
-    band_edges_nm: Vec<f64>,
-}
-
-impl Spectrum {
-    /// Of a model.
-    pub fn new(model: &Model) -> Spectrum {
-        let bands = &model.spectral.bands;
-        Spectrum { wavelength_nm: bands.centers_nm(), band_edges_nm: bands.edges_nm().to_vec() }
-    }
-}
-
-#[derive(Serialize)]
+/// A zone and its goniogram.
+#[derive(Serialize, JsonSchema)]
 struct ZoneEntry<'a> {
+    /// Its index in zones; the value of the glTF attribute _ZONE.
     id: u32,
+    /// Its row in the lattice, counted from 0 along photometric y.
     row: usize,
+    /// Its column in the lattice, counted from 0 along photometric x.
     column: usize,
+    /// Box of its vertices.
     bounds_mm: Box3,
+    /// Flux-weighted mean of its vertices, source frame, mm.
     centroid_mm: [f64; 3],
+    /// Area of the surface that its vertices stand for, mm2.
+    #[schemars(range(min = 0))]
     area_mm2: f64,
+    /// Vertices of the surface in it.
     vertex_count: usize,
     #[serde(flatten)]
     entry: Entry<'a>,
@@ -213,46 +219,55 @@ impl<'a> ZoneEntry<'a> {
     }
 }
 
-/// A box, source frame, mm.
-#[derive(Serialize)]
-pub struct Box3 {
-    min: [f64; 3],
-    max: [f64; 3],
-}
-
-impl Box3 {
-    /// Of bounds.
-    pub fn new(bounds: &Bounds) -> Box3 {
-        Box3 { min: bounds.min.to_array().map(sum), max: bounds.max.to_array().map(sum) }
-    }
-}
-
-#[derive(Serialize)]
+/// A goniogram: luminous intensity, radiant intensity, or both.
+#[derive(Serialize, JsonSchema)]
+#[schemars(extend("anyOf" = [{"required": ["luminous_intensity_cd"]}, {"required": ["radiant_intensity_W_per_sr"]}]))]
 struct Entry<'a> {
+    /// Rays in it; a ray shared between zones counts by its shares.
+    #[schemars(range(min = 0))]
     ray_count: f64,
+    /// Radiant flux, W; null where it cannot be known without guessing.
     #[serde(rename = "flux_W")]
+    #[schemars(range(min = 0))]
     flux_w: Option<f64>,
+    /// Luminous flux, lm; null where it cannot be known without guessing.
+    #[schemars(range(min = 0))]
     flux_lm: Option<f64>,
+    /// The largest intensity: luminous where known, else radiant.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "MaxIntensity")]
     max_intensity: Option<MaxIntensity>,
+    /// What the statistics allow to say.
     quality: QualityFacts,
+    /// The same as files.
     files: Files,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[serde(rename = "spectral_flux_W_per_nm")]
+    /// Spectral flux, W/nm, one number per band.
+    #[serde(skip_serializing_if = "Option::is_none", rename = "spectral_flux_W_per_nm")]
+    #[schemars(with = "Vec<f64>", inner(range(min = 0)))]
     spectral_flux_w_per_nm: Option<Numbers<'a>>,
+    /// Luminous intensity, cd: [c][gamma] over grid.c_deg and grid.gamma_deg.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Vec<Vec<f64>>", inner(inner(range(min = 0))))]
     luminous_intensity_cd: Option<Matrix<'a>>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[serde(rename = "radiant_intensity_W_per_sr")]
+    /// Radiant intensity, W/sr: [c][gamma] over grid.c_deg and grid.gamma_deg.
+    #[serde(skip_serializing_if = "Option::is_none", rename = "radiant_intensity_W_per_sr")]
+    #[schemars(with = "Vec<Vec<f64>>", inner(inner(range(min = 0))))]
     radiant_intensity_w_per_sr: Option<Matrix<'a>>,
+    /// Intensity by band.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Dense")]
     spectral_intensity: Option<Dense<'a>>,
 }
 
-#[derive(Serialize)]
+/// Paths in the zip.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct Files {
+    /// LM-63; left out where luminous intensity is unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "String")]
     ies: Option<String>,
+    /// Polar chart.
     svg: String,
 }
 
@@ -276,14 +291,23 @@ impl<'a> Entry<'a> {
     }
 }
 
-#[derive(Serialize)]
+/// The node of the largest intensity, the first of equal ones.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct MaxIntensity {
+    /// Luminous, cd; left out where it is unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "f64", range(min = 0))]
     value_cd: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[serde(rename = "value_W_per_sr")]
+    /// Radiant, W/sr; left out where luminous intensity is known.
+    #[serde(skip_serializing_if = "Option::is_none", rename = "value_W_per_sr")]
+    #[schemars(with = "f64", range(min = 0))]
     value_w_per_sr: Option<f64>,
+    /// Its C.
+    #[schemars(range(min = 0))]
     c_deg: f64,
+    /// Its gamma.
+    #[schemars(range(min = 0))]
     gamma_deg: f64,
 }
 
@@ -303,35 +327,26 @@ impl MaxIntensity {
     }
 }
 
-/// What the statistics of a goniogram allow to say.
-#[derive(Serialize)]
-pub struct QualityFacts {
-    rays_per_cell_median: f64,
-    empty_cell_fraction: f64,
-    relative_noise_at_peak: f64,
-    smoothing_deg: f64,
-}
-
-impl QualityFacts {
-    /// Of a goniogram.
-    pub fn new(goniogram: &Goniogram) -> QualityFacts {
-        let quality = &goniogram.quality;
-        QualityFacts {
-            rays_per_cell_median: sum(quality.rays_per_cell_median),
-            empty_cell_fraction: sum(quality.empty_cell_fraction),
-            relative_noise_at_peak: sum(quality.relative_noise_at_peak),
-            smoothing_deg: sum(quality.smoothing_deg),
-        }
-    }
-}
-
-#[derive(Serialize)]
+/// Spectral intensity: a number for each node of its own, coarser grid and each band.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct Dense<'a> {
+    /// All numbers in one list.
+    #[schemars(extend("const" = ENCODING))]
     encoding: &'static str,
+    /// The last index runs fastest.
+    #[schemars(extend("const" = ORDER))]
     order: &'static str,
+    /// Unit of the values.
+    #[schemars(extend("const" = UNIT))]
     unit: &'static str,
+    /// Number of C planes, of nodes of gamma, of bands.
+    #[schemars(inner(range(min = 1)))]
     shape: [usize; 3],
+    /// Its own, coarser grid.
     grid: Grid,
+    /// The numbers, in that order.
+    #[schemars(with = "Vec<f64>", inner(range(min = 0)))]
     values: Numbers<'a>,
 }
 
@@ -339,9 +354,9 @@ impl<'a> Dense<'a> {
     fn new(goniogram: &'a Goniogram, model: &Model) -> Dense<'a> {
         let grid = &model.goniograms.spectral_grid;
         Dense {
-            encoding: "dense",
-            order: "c, gamma, band",
-            unit: "W/(sr nm)",
+            encoding: ENCODING,
+            order: ORDER,
+            unit: UNIT,
             shape: [grid.c_planes(), grid.gamma_nodes(), model.spectral.bands.len()],
             grid: Grid::new(grid),
             values: Numbers(&goniogram.spectral_w_per_sr_nm, ARRAY_DIGITS),

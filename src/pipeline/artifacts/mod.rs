@@ -3,6 +3,8 @@
 
 /// What every artifact says of where it came from.
 mod provenance;
+/// What several artifacts say alike.
+mod facts;
 /// Exitance at the vertices and the colour it shows.
 mod exitance;
 /// `emitter.glb`: the surface half of the contract.
@@ -24,11 +26,12 @@ mod fixture;
 pub mod plots;
 
 use crate::error::Error;
+use crate::inspection::findings::Inspection;
 use crate::model::Model;
 use crate::options::Options as RunOptions;
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::watch::StageWatch;
-use crate::writing::Artifact;
+use crate::writing::{Artifact, schema};
 use std::io::{Cursor, Write as _};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
@@ -74,6 +77,16 @@ pub fn notices(model: &Model) -> Notices {
             .add("artifacts.no_spectra", "No vertex spectra and no spectra.csv: the spectrum of the rays is unknown.");
     }
     notices
+}
+
+/// The published schemas, `openapi/<name>.schema.json`: of the three documents above, and of the inspection of a file.
+pub fn schemas() -> Vec<(&'static str, serde_json::Value)> {
+    vec![
+        ("goniograms", schema::of::<goniograms::Document<'_>>()),
+        ("report", schema::of::<report::Report<'_>>()),
+        ("emitter-extras", schema::of::<gltf::emitter::Emitter<'_>>()),
+        ("inspection", schema::of::<Inspection>()),
+    ]
 }
 
 /// The one zip of everything: files in order, deflated, dated 1980-01-01.

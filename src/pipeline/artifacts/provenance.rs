@@ -3,10 +3,12 @@
 use crate::formats::bytes::digest;
 use crate::model::Model;
 use crate::model::channel::Origin;
-use crate::options::Options as RunOptions;
+use crate::options::{ArtifactsOptions, FluxOptions, GoniogramOptions, HullOptions, Options as RunOptions};
 use crate::vocabulary::declaration::{Column, FluxOverride, Total};
 use crate::vocabulary::spectrum::Table;
 use crate::vocabulary::units::{LengthUnit, Quantity};
+use crate::writing::schema::SHA256;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// The program's name, as artifacts say it.
@@ -22,9 +24,12 @@ pub fn generator() -> String {
 }
 
 /// Who made an artifact.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 pub struct Generator {
+    /// The program's name.
     name: &'static str,
+    /// Its version: the same version makes the same bytes of the same input.
     version: &'static str,
 }
 
@@ -32,29 +37,45 @@ pub struct Generator {
 pub const GENERATOR: Generator = Generator { name: NAME, version: VERSION };
 
 /// One input file.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 pub struct InputFile<'a> {
+    /// Name of the file.
     name: &'a str,
+    /// SHA-256 of the file.
+    #[schemars(regex(pattern = SHA256))]
     sha256: &'a str,
+    /// Length of the file, bytes.
     byte_count: u64,
+    /// The format it was read as, e.g. "IES TM-25".
     format: &'a str,
+    /// Rays in the file.
     ray_count: u64,
+    /// Rays of it that are in the model.
     rays_used: u64,
+    /// What the user said of it.
     declared: DeclaredFacts,
 }
 
 /// What the user said of the file, and was obeyed in; null: nothing.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 pub struct DeclaredFacts {
+    /// Unit of its positions.
+    #[schemars(extend("enum" = LengthUnit::symbols_and_null()))]
     length_unit: Option<&'static str>,
+    /// Whether its flux values are W or lm.
     quantity: Option<Quantity>,
+    /// What stands in each column of a text file.
     columns: Option<Vec<Column>>,
+    /// Its total flux as it was declared.
     flux: Option<FluxOverride>,
     /// What the flux came to: itself, or its share of the source's total.
     total: Option<Total>,
     /// Wavelengths of the spectrum, nm.
     spectrum_range_nm: Option<(f64, f64)>,
     /// SHA-256 of its points as f64, little-endian, wavelength (nm) and value in turn.
+    #[schemars(regex(pattern = SHA256))]
     spectrum_sha256: Option<String>,
 }
 
@@ -80,17 +101,61 @@ fn table_sha256(table: &Table) -> Option<String> {
 }
 
 /// Same inputs, declarations, options and version give the same bytes; these are they.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 pub struct Provenance<'a> {
+    /// Who made it.
     generator: Generator,
+    /// The ray files, in the order of the channels.
+    #[schemars(length(min = 1))]
     inputs: Vec<InputFile<'a>>,
-    options: &'a RunOptions,
+    /// Every option of the run, as used.
+    options: Choices<'a>,
+}
+
+/// Every choice of the caller, with the default in the place of what was left out.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct Choices<'a> {
+    /// How rays were read.
+    rays: RaysChoices<'a>,
+    /// How emission points became a surface.
+    hull: HullOptions,
+    /// How rays were laid on the surface.
+    flux: FluxOptions,
+    /// How zones and their goniograms were made.
+    goniogram: GoniogramOptions,
+    /// How results were written.
+    artifacts: ArtifactsOptions,
+}
+
+/// How rays were read.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+struct RaysChoices<'a> {
+    /// Edges of the spectral bands, nm; null: chosen by the program.
+    band_edges_nm: &'a Option<Vec<f64>>,
+    /// Total flux of the source, of which the channels have shares; null: the channels' own fluxes hold.
+    total: Option<Total>,
+}
+
+impl<'a> Choices<'a> {
+    /// Of a run.
+    pub fn new(options: &'a RunOptions) -> Choices<'a> {
+        let RunOptions { hull, flux, goniogram, artifacts, .. } = options.with_defaults();
+        let rays = RaysChoices { band_edges_nm: &options.rays.band_edges_nm, total: options.rays.total };
+        Choices { rays, hull, flux, goniogram, artifacts }
+    }
 }
 
 impl<'a> Provenance<'a> {
     /// Of a model.
     pub fn new(model: &'a Model, options: &'a RunOptions) -> Provenance<'a> {
-        Provenance { generator: GENERATOR, inputs: model.origins.iter().map(input_file).collect(), options }
+        Provenance {
+            generator: GENERATOR,
+            inputs: model.origins.iter().map(input_file).collect(),
+            options: Choices::new(options),
+        }
     }
 }
 

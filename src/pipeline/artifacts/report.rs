@@ -1,24 +1,29 @@
 //! `report.json`: what was read, what was done, where every ray went (`openapi/report.schema.json`).
 
-use super::goniograms::{Box3, FrameFacts, LatticeFacts, QualityFacts};
-use super::provenance::{DeclaredFacts, GENERATOR, Generator};
+use super::facts::{Box3, FrameFacts, LatticeFacts, QualityFacts};
+use super::provenance::{Choices, DeclaredFacts, GENERATOR, Generator};
 use crate::error::Error;
 use crate::flux::Balance;
 use crate::flux::balance::Share;
 use crate::goniogram::Zone;
 use crate::hull::Label;
+use crate::inspection::findings::SPECTRA;
 use crate::model::Model;
 use crate::model::channel::Origin;
-use crate::options::{ArtifactsOptions, FluxOptions, GoniogramOptions, HullOptions, Options as RunOptions};
-use crate::vocabulary::declaration::Total;
+use crate::options::Options as RunOptions;
+use crate::source::Spectral;
 use crate::vocabulary::notice::Notice;
 use crate::vocabulary::units::{Flux, LengthUnit};
 use crate::writing::number::{ARRAY_DIGITS, Numbers, sum};
+use crate::writing::schema::{SHA256, WHOLE};
 use crate::writing::{Artifact, json};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Name in the zip.
 pub const NAME: &str = "report.json";
+/// What the document calls its schema.
+const URN: &str = "urn:lampwright:report:1";
 
 /// The report; `notices` are those of writing the other artifacts.
 ///
@@ -26,10 +31,10 @@ pub const NAME: &str = "report.json";
 /// As [`json::document`].
 pub fn artifact(model: &Model, options: &RunOptions, notices: &[Notice]) -> Result<Artifact, Error> {
     let report = Report {
-        schema: "urn:lampwright:report:1",
+        schema: URN,
         generator: GENERATOR,
         inputs: model.origins.iter().map(|origin| InputFacts::new(origin, &model.flux)).collect(),
-        options: OptionsFacts::new(options),
+        options: Choices::new(options),
         flux: FluxFacts::new(&model.flux),
         balance: BalanceFacts::new(&model.surface.balance),
         hull: HullFacts::new(model),
@@ -40,48 +45,44 @@ pub fn artifact(model: &Model, options: &RunOptions, notices: &[Notice]) -> Resu
     Ok(Artifact { name: NAME.to_owned(), media_type: "application/json", bytes: json::document(&report)? })
 }
 
-#[derive(Serialize)]
-struct Report<'a> {
+/// What was read, what was done, where every ray and every watt went.
+#[derive(Serialize, JsonSchema)]
+#[schemars(title = "Report of a run", extend("$id" = URN))]
+pub(super) struct Report<'a> {
+    /// Compare this: another number means a change that breaks readers.
+    #[schemars(extend("const" = URN))]
     schema: &'static str,
+    /// Who made it.
     generator: Generator,
+    /// What was read: one entry per channel.
+    #[schemars(length(min = 1))]
     inputs: Vec<InputFacts<'a>>,
-    options: OptionsFacts<'a>,
+    /// Every option of the run; null: chosen by the program, and the choice is below.
+    options: Choices<'a>,
+    /// Flux of the usable rays.
     flux: FluxFacts,
+    /// Where every ray and every watt went.
     balance: BalanceFacts,
+    /// The surface the light leaves from.
     hull: HullFacts,
+    /// Where the light goes.
     goniogram: GoniogramFacts,
+    /// What is known of the spectrum.
     spectrum: SpectrumFacts<'a>,
+    /// What was repaired, dropped or not written, and what an inspection of each channel warns of.
     notices: Vec<&'a Notice>,
 }
 
-/// Every choice of the caller, defaults included.
-#[derive(Serialize)]
-struct OptionsFacts<'a> {
-    rays: RaysFacts<'a>,
-    hull: HullOptions,
-    flux: FluxOptions,
-    goniogram: GoniogramOptions,
-    artifacts: ArtifactsOptions,
-}
-
-#[derive(Serialize)]
-struct RaysFacts<'a> {
-    band_edges_nm: &'a Option<Vec<f64>>,
-    total: Option<Total>,
-}
-
-impl<'a> OptionsFacts<'a> {
-    fn new(options: &'a RunOptions) -> OptionsFacts<'a> {
-        let RunOptions { hull, flux, goniogram, artifacts, .. } = options.with_defaults();
-        let rays = RaysFacts { band_edges_nm: &options.rays.band_edges_nm, total: options.rays.total };
-        OptionsFacts { rays, hull, flux, goniogram, artifacts }
-    }
-}
-
-#[derive(Serialize)]
+/// A flux; null where it cannot be known without guessing.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct FluxFacts {
+    /// Radiant flux, W.
     #[serde(rename = "radiant_W")]
+    #[schemars(range(min = 0))]
     radiant_w: Option<f64>,
+    /// Luminous flux, lm.
+    #[schemars(range(min = 0))]
     luminous_lm: Option<f64>,
 }
 
@@ -91,38 +92,67 @@ impl FluxFacts {
     }
 }
 
-#[derive(Serialize)]
+/// A channel: a ray file and its part in the source.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct InputFacts<'a> {
+    /// Name of the file.
     name: &'a str,
+    /// What the user calls the channel; else the file's name.
     channel: &'a str,
+    /// SHA-256 of the file.
+    #[schemars(regex(pattern = SHA256))]
     sha256: &'a str,
+    /// Length of the file, bytes.
     byte_count: u64,
+    /// The format it was read as, e.g. "IES TM-25".
     format: &'a str,
+    /// Rays in the file.
     ray_count: u64,
+    /// Rays of it that are in the model.
     rays_used: u64,
+    /// What the channel gives to the source.
     flux: FluxFacts,
-    /// Of the source's flux: W where the source's are known, else lm.
+    /// Share of the source's flux: of W where the source's are known, else of lm.
+    #[schemars(range(min = 0, max = WHOLE))]
     share: f64,
+    /// Unit the positions were read in.
+    #[schemars(extend("enum" = LengthUnit::symbols_and_null()))]
     length_unit: Option<&'static str>,
+    /// Where its spectrum is from.
     spectrum: InputSpectrumFacts,
+    /// What the user said of it.
     declared: DeclaredFacts,
+    /// Totals in the file's header.
     header_flux: FluxFacts,
-    /// In W and lm, or in the file's own relative unit.
+    /// Sum of the stored ray values: W and lm, or in the file's own relative unit.
     ray_sum: FluxFacts,
+    /// The header's total over the sum of the rays; null where either is unknown.
+    #[schemars(range(min = 0))]
     header_over_sum: Option<f64>,
+    /// Texts of the header, in the file's order.
     texts: Vec<Text<'a>>,
 }
 
-#[derive(Serialize)]
+/// A name and what the file says under it.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct Text<'a> {
+    /// Name of the field.
     name: &'a str,
+    /// Its content.
     value: &'a str,
 }
 
 /// Where a channel's spectrum is from.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct InputSpectrumFacts {
+    /// "declared": the user's, in place of the file's.
+    #[schemars(extend("enum" = ["none", "file", "declared"]))]
     source: &'static str,
+    /// What the rays carry of the spectrum.
+    #[schemars(extend("enum" = SPECTRA))]
     kind: &'static str,
 }
 
@@ -156,9 +186,13 @@ impl<'a> InputFacts<'a> {
     }
 }
 
-#[derive(Serialize)]
+/// Rays and what they carry.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct ShareFacts {
+    /// How many rays.
     rays: u64,
+    /// Their flux.
     flux: FluxFacts,
 }
 
@@ -168,15 +202,24 @@ impl ShareFacts {
     }
 }
 
-/// Incoming = hit + snapped + rejected, in rays and in flux; what is not rejected lies on triangles and on vertices.
-#[derive(Serialize)]
+/// Incoming = hit + snapped + rejected, in rays and in flux; the flux of hit + snapped = on_triangles = on_vertices =
+/// after_smoothing.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct BalanceFacts {
+    /// All usable rays.
     incoming: ShareFacts,
+    /// Rays whose line meets the surface.
     hit: ShareFacts,
+    /// Rays laid on the nearest triangle, because their line meets none.
     snapped: ShareFacts,
+    /// Rays that are farther from the surface than the tolerance; their flux is not in the model.
     rejected: ShareFacts,
+    /// Flux on the triangles.
     on_triangles: FluxFacts,
+    /// Flux on the vertices, before smoothing.
     on_vertices: FluxFacts,
+    /// Flux on the vertices, after smoothing: the model's.
     after_smoothing: FluxFacts,
 }
 
@@ -194,19 +237,35 @@ impl BalanceFacts {
     }
 }
 
-#[derive(Serialize)]
+/// The surface the light leaves from.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct HullFacts {
+    /// How many vertices.
     vertices: usize,
+    /// How many triangles: projected, stitched and filled ones.
     triangles: usize,
+    /// Triangles from the views along the axes.
     projected: usize,
+    /// Triangles that join the levels of the views.
     stitched: usize,
+    /// Triangles completed from their surroundings.
     filled: usize,
+    /// Connected parts.
     parts: usize,
+    /// Area of all triangles, mm2.
+    #[schemars(range(min = 0))]
     area_mm2: f64,
+    /// Box of the vertices.
     bounds_mm: Box3,
+    /// Cells along the longest edge of the cloud's box.
     resolution: u32,
+    /// Size of a cell along x, y and z, mm.
     cell_mm: [f64; 3],
+    /// The size filter: longest edge of a stitched or filled triangle, mm.
+    #[schemars(range(min = 0))]
     max_edge_mm: f64,
+    /// Edges of a single triangle: 0 for a closed surface.
     boundary_edges: usize,
     /// Broken rules, a sentence each; empty for a sound hull.
     broken_rules: Vec<String>,
@@ -233,21 +292,38 @@ impl HullFacts {
     }
 }
 
-#[derive(Serialize)]
+/// Where the light goes.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct GoniogramFacts {
+    /// The photometric frame.
     frame: FrameFacts,
+    /// Where the zones lie.
     lattice: LatticeFacts,
+    /// Grid of luminous and radiant intensities.
     grid: GridFacts,
+    /// Grid of spectral intensities.
     spectral_grid: GridFacts,
+    /// The zones; the index is the zone's id.
+    #[schemars(length(min = 1))]
     zones: Vec<ZoneFacts>,
+    /// The whole source.
     total: PartFacts,
 }
 
-#[derive(Serialize)]
+/// A grid of C and gamma.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct GridFacts {
+    /// Number of C planes.
     c_planes: usize,
+    /// Number of nodes of gamma, 0 and 180 included.
     gamma_nodes: usize,
+    /// Step of C, degrees.
+    #[schemars(range(min = 0))]
     c_step_deg: f64,
+    /// Step of gamma, degrees.
+    #[schemars(range(min = 0))]
     gamma_step_deg: f64,
 }
 
@@ -259,10 +335,16 @@ impl GridFacts {
     }
 }
 
-#[derive(Serialize)]
+/// A goniogram's rays and flux.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct PartFacts {
+    /// Rays in it; a ray shared between zones counts by its shares.
+    #[schemars(range(min = 0))]
     rays: f64,
+    /// Their flux.
     flux: FluxFacts,
+    /// What the statistics allow to say.
     quality: QualityFacts,
 }
 
@@ -276,11 +358,18 @@ impl PartFacts {
     }
 }
 
-#[derive(Serialize)]
+/// A zone.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct ZoneFacts {
+    /// Its index in zones.
     id: u32,
+    /// Its row in the lattice, counted from 0 along photometric y.
     row: usize,
+    /// Its column in the lattice, counted from 0 along photometric x.
     column: usize,
+    /// Area of the surface that its vertices stand for, mm2.
+    #[schemars(range(min = 0))]
     area_mm2: f64,
     #[serde(flatten)]
     part: PartFacts,
@@ -307,11 +396,18 @@ impl GoniogramFacts {
     }
 }
 
-#[derive(Serialize)]
+/// What is known of the spectrum.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct SpectrumFacts<'a> {
+    /// What spectral results are made from.
+    #[schemars(extend("enum" = Spectral::BASES))]
     basis: &'static str,
+    /// Edges of the bands, nm; null without spectral results.
+    #[schemars(with = "Option<Vec<f64>>")]
     band_edges_nm: Option<Numbers<'a>>,
     /// Share of the radiant flux outside the bands: in the totals, not in the spectra.
+    #[schemars(range(min = 0, max = 1))]
     outside_share: Option<f64>,
 }
 

@@ -7,11 +7,36 @@ use super::sample::Evidence;
 use crate::formats::record::{Format, TotalRule};
 use crate::vocabulary::notice::Notice;
 use crate::vocabulary::space::Axis;
-use crate::vocabulary::units::Flux;
+use crate::vocabulary::units::{Flux, LengthUnit};
+use crate::writing::schema::WHOLE;
+use schemars::JsonSchema;
 use serde::Serialize;
 
+/// What an inspection calls its schema.
+const URN: &str = "urn:lampwright:inspection:1";
+/// What rays may carry of the spectrum, by the names of [`crate::formats::record::SpectralData::name`].
+pub const SPECTRA: [&str; 5] = ["none", "table", "wavelength per ray", "table per ray", "tristimulus"];
+/// The names of all checks, in reading order.
+const CHECKS: [&str; 15] = [
+    "rays.usable",
+    "rays.length_unit",
+    "rays.quantity",
+    "rays.size",
+    "rays.total",
+    "rays.spectrum",
+    "rays.efficacy",
+    "rays.directions",
+    "rays.order",
+    "rays.ray_flux",
+    "rays.noise",
+    "rays.focus",
+    "rays.origins",
+    "rays.backward",
+    "rays.job",
+];
+
 /// What to think of it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
     /// As it should be.
@@ -34,9 +59,10 @@ impl Verdict {
 }
 
 /// One check.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Check {
-    /// Stable name: programs may depend on it.
+    /// Stable name: programs may depend on it; more may come.
+    #[schemars(extend("enum" = CHECKS))]
     pub check: &'static str,
     /// What to think of it.
     pub verdict: Verdict,
@@ -47,7 +73,7 @@ pub struct Check {
 }
 
 /// A name and what the file says under it.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Text {
     /// Name of the field.
     pub name: String,
@@ -55,10 +81,11 @@ pub struct Text {
     pub value: String,
 }
 
-/// What a file says of itself; no ray was read for it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// What a file says of itself; no ray was read for it. In answers of the service it stands beside the inspection.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Header {
     /// The format it is.
+    #[schemars(with = "String")]
     pub format: Format,
     /// Length of the file.
     pub byte_count: u64,
@@ -67,14 +94,17 @@ pub struct Header {
     /// Totals of the header; `null` where it has none.
     pub flux: Flux,
     /// Which total holds in this format.
+    #[schemars(with = "String", extend("enum" = ["header", "ray_sum"]))]
     pub total_rule: TotalRule,
     /// Rays carry W.
     pub has_radiant: bool,
     /// Rays carry lm.
     pub has_luminous: bool,
-    /// What the rays carry of the spectrum: "none", "table", "wavelength per ray", "table per ray", "tristimulus".
+    /// What the rays carry of the spectrum.
+    #[schemars(extend("enum" = SPECTRA))]
     pub spectrum: &'static str,
     /// Unit of length as the file or the user says: "mm", …; `null` where neither does.
+    #[schemars(extend("enum" = LengthUnit::symbols_and_null()))]
     pub length_unit: Option<&'static str>,
     /// Neither it nor the user says whether its flux is W or lm.
     pub quantity_unknown: bool,
@@ -87,7 +117,7 @@ pub struct Header {
 }
 
 /// A box, mm.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Extent {
     /// Smallest coordinates, mm.
     pub min: [f64; 3],
@@ -96,16 +126,17 @@ pub struct Extent {
 }
 
 /// Share of the flux that goes to one side.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Hemisphere {
     /// Its middle.
     pub axis: Axis,
     /// Share of the flux, 0..=1.
+    #[schemars(range(min = 0, max = WHOLE))]
     pub share: f64,
 }
 
 /// Lengths of directions as stored.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Directions {
     /// Largest | |k| − 1 |, refused rays included.
     pub worst_length_error: f64,
@@ -114,20 +145,22 @@ pub struct Directions {
 }
 
 /// Where most of the light goes.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct MainDirection {
     /// The axis nearest the flux vector Σ w d.
     pub axis: Axis,
     /// |Σ w d| / Σ w: 1 for a collimated beam, 2/3 for a Lambertian surface, 0 for light into all directions.
     pub mean_cosine: f64,
     /// Share of the flux that goes into the hemisphere opposite to `axis`, 0..=1.
+    #[schemars(range(min = 0, max = WHOLE))]
     pub backward_share: f64,
 }
 
 /// How the flux is spread over rays.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct RayFlux {
-    /// "W" or "lm".
+    /// Unit of the flux of rays.
+    #[schemars(extend("enum" = ["W", "lm"]))]
     pub unit: &'static str,
     /// Smallest flux of a ray.
     pub smallest: f64,
@@ -142,7 +175,7 @@ pub struct RayFlux {
 }
 
 /// Monte-Carlo noise of what is made of these rays: a cell that gets n effective rays is known to 1/√n.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Noise {
     /// Relative noise of a picture of 50 x 50 cells, evenly lit.
     pub of_2500_cells: f64,
@@ -150,8 +183,8 @@ pub struct Noise {
     pub cells_at_5_percent: f64,
 }
 
-/// What a job with this file alone is likely to take, with default options: (least, most).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+/// What a job with this file alone is likely to take, with default options: least and most.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct JobEstimate {
     /// Peak memory, bytes. Does not grow with the rays.
     pub memory_bytes: (u64, u64),
@@ -159,12 +192,14 @@ pub struct JobEstimate {
     pub core_seconds: (f64, f64),
 }
 
-/// A file's header and what its rays say.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// What a ray file says of itself and what its rays say. Readers ignore keys they do not know.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[schemars(title = "Inspection of a ray file", extend("$id" = URN))]
 pub struct Inspection {
     /// The worst of the checks.
     pub verdict: Verdict,
     /// One verdict per check, in reading order.
+    #[schemars(length(min = 3))]
     pub checks: Vec<Check>,
     /// What the file says of itself.
     pub header: Header,

@@ -4,6 +4,7 @@
 //! origins slide along their rays, is the true focus where there is one, and does not exist for a collimated beam.
 
 use glam::{DMat3, DVec3};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::f64::consts::FRAC_PI_3;
 
@@ -11,12 +12,12 @@ use std::f64::consts::FRAC_PI_3;
 /// which f32 directions (6e-8) still give the depth to 3e-5 of a distance.
 const WORST_CONDITION: f64 = 1e6;
 
-/// Where the light seems to come from.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+/// Where the light seems to come from: the point with the least flux-weighted sum of squared distances to the ray lines.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Focus {
     /// The point, mm.
     pub point_mm: [f64; 3],
-    /// Largest over smallest eigenvalue of A: 1 for light into all directions, larger for narrow beams.
+    /// Condition number of the matrix the point is solved from: 1 for light into all directions, larger for narrow beams.
     pub condition: f64,
     /// Flux-weighted root mean square distance of the ray lines from it, mm.
     pub rms_distance_mm: f64,

@@ -6,6 +6,7 @@
 //! the mean of the first tenth against all, (x̄ₕ − x̄) / (σ √(1/h − 1/n)) (sampling without replacement).
 
 use glam::DVec3;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// |z| above which order is not chance: two-sided normal tail 5.7e-7.
@@ -29,7 +30,7 @@ const QUANTITIES: usize = 9;
 const NAMES: [&str; QUANTITIES] = ["x", "y", "z", "l", "m", "n", "flux", "distance", "wavelength"];
 
 /// What was found of the order.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Order {
     /// Rays that were compared.
     pub rays_compared: u64,
@@ -46,9 +47,10 @@ pub struct Order {
 }
 
 /// One statistic.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Statistic {
     /// Of which quantity: x, y, z (origin), l, m, n (direction), flux, distance (from the first ray), wavelength.
+    #[schemars(extend("enum" = NAMES))]
     pub quantity: &'static str,
     /// Its value.
     pub value: f64,

@@ -2,7 +2,9 @@
 //! then they are not the emitter. Found from the sample, so shares are estimates: ±0.4 % of a share of one half (one σ).
 
 use super::sample::{Sampled, hash};
+use crate::writing::schema::WHOLE;
 use glam::{DMat3, DVec3};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Distance that is still "on", in largest edges of the box of the origins.
@@ -18,8 +20,8 @@ const FLATTEST: f64 = 10.0;
 /// Share with which origins are said to lie on something.
 const MOST: f64 = 0.95;
 
-/// What origins lie on.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// What origins lie on; shares are of a sample of at most 20 000 rays.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Origins {
     /// Rays the shares were estimated from.
     pub sampled_rays: u64,
@@ -28,6 +30,7 @@ pub struct Origins {
     /// Distance that is still "on", mm.
     pub tolerance_mm: f64,
     /// The simplest of "point", "plane", "sphere", "box" that holds 95 % of the rays; else "spread".
+    #[schemars(extend("enum" = ["point", "plane", "sphere", "box", "spread"]))]
     pub shape: &'static str,
     /// The plane that holds most of them.
     pub plane: Option<Plane>,
@@ -39,9 +42,10 @@ pub struct Origins {
 }
 
 /// Points p with normal · p = offset.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Plane {
     /// Share of the rays on it, 0..=1.
+    #[schemars(range(min = 0, max = WHOLE))]
     pub share: f64,
     /// Unit normal.
     pub normal: [f64; 3],
@@ -50,9 +54,10 @@ pub struct Plane {
 }
 
 /// A box with faces normal to the axes.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Faces {
     /// Share of the rays on its faces, 0..=1.
+    #[schemars(range(min = 0, max = WHOLE))]
     pub share: f64,
     /// Smallest coordinates, mm.
     pub min_mm: [f64; 3],
@@ -61,9 +66,10 @@ pub struct Faces {
 }
 
 /// A sphere.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Sphere {
     /// Share of the rays on it, 0..=1.
+    #[schemars(range(min = 0, max = WHOLE))]
     pub share: f64,
     /// Middle, mm.
     pub center_mm: [f64; 3],

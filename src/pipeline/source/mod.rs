@@ -116,7 +116,10 @@ impl Spectral {
         }
     }
 
-    /// The words of the goniogram schema's `spectral_basis`.
+    /// All that [`Spectral::basis`] may say.
+    pub const BASES: [&str; 4] = ["per-ray wavelength", "spectral tables", "tristimulus of the rays", "none"];
+
+    /// What spectral results are made from; `spectral_basis` of the goniograms.
     pub fn basis(&self) -> &'static str {
         match self.columns {
             Columns::None => "none",

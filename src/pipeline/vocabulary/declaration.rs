@@ -3,6 +3,7 @@
 use super::spectrum::Table;
 use super::units::{LengthUnit, Quantity};
 use crate::error::{Error, Place};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// What a user says of one ray file. `Default` says nothing.
@@ -25,17 +26,17 @@ pub struct Declared {
 /// A channel's flux as the user has it from a data sheet. It fixes the total of its own quantity. Where the channel knows the
 /// other quantity too, that scales along: lm/W stays. Where it does not (rays in lm, no spectrum, flux in W), the rays' values
 /// become relative weights of the quantity that was given, and the other one is unknown.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FluxOverride {
     /// Radiant flux, W.
-    RadiantW(f64),
+    RadiantW(#[schemars(extend("exclusiveMinimum" = 0))] f64),
     /// Luminous flux, lm.
-    LuminousLm(f64),
+    LuminousLm(#[schemars(extend("exclusiveMinimum" = 0))] f64),
     /// Share of the source's radiant flux, 0..=1.
-    RadiantShare(f64),
+    RadiantShare(#[schemars(extend("exclusiveMinimum" = 0))] f64),
     /// Share of the source's luminous flux, 0..=1.
-    LuminousShare(f64),
+    LuminousShare(#[schemars(extend("exclusiveMinimum" = 0))] f64),
 }
 
 impl FluxOverride {
@@ -57,13 +58,13 @@ impl FluxOverride {
 }
 
 /// A total flux: that of a source whose channels carry shares, or what a channel's override comes to.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Total {
     /// Radiant flux, W.
-    RadiantW(f64),
+    RadiantW(#[schemars(extend("exclusiveMinimum" = 0))] f64),
     /// Luminous flux, lm.
-    LuminousLm(f64),
+    LuminousLm(#[schemars(extend("exclusiveMinimum" = 0))] f64),
 }
 
 impl Total {
@@ -107,7 +108,7 @@ impl Total {
 }
 
 /// What a column of a text file holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Column {
     /// Start.

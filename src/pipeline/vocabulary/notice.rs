@@ -1,19 +1,23 @@
 //! What was repaired, dropped or refused while reading: counted per stable code, with the first offender.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 /// One kind of thing that happened, and how often.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 pub struct Notice {
     /// Stable code, `stage.what`: programs may depend on it.
+    #[schemars(regex(pattern = r"^[a-z]+\.[a-z0-9_]+$"))]
     pub code: Cow<'static, str>,
-    /// The channel it concerns, by its name; `None` where it concerns the whole source, or a file that is no channel yet.
+    /// The channel it concerns, by its name; `null` where it concerns the whole source, or a file that is no channel yet.
     pub channel: Option<String>,
     /// How often.
+    #[schemars(range(min = 1))]
     pub count: u64,
-    /// Index of the first ray it happened to, counted from 0 in the file; `None` where it concerns no single ray.
+    /// Index of the first ray it happened to, counted from 0 in the file; `null` where it concerns no single ray.
     pub first_ray: Option<u64>,
     /// A sentence for a person: what was found, and what was done. May be reworded.
     pub message: String,

@@ -1,5 +1,6 @@
 //! Radiant and luminous flux.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Luminous efficacy of radiation at the peak of V(λ), lm/W (CIE 1924; 683.002 in the 2019 SI, rounded as every
@@ -58,6 +59,11 @@ impl LengthUnit {
         }
     }
 
+    /// What a schema lists where the unit may be unknown: all symbols, and null.
+    pub fn symbols_and_null() -> Vec<Option<&'static str>> {
+        LengthUnit::ALL.into_iter().map(|unit| Some(unit.symbol())).chain([None]).collect()
+    }
+
     /// The unit with this symbol.
     pub fn from_symbol(symbol: &str) -> Option<LengthUnit> {
         LengthUnit::ALL.into_iter().find(|unit| unit.symbol() == symbol)
@@ -80,7 +86,7 @@ impl LengthUnit {
 }
 
 /// Which flux a number is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
     /// Radiant flux, W.
@@ -107,8 +113,8 @@ impl Quantity {
     }
 }
 
-/// A flux in both systems; `None` where it cannot be known without guessing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+/// A flux in both systems; `null` where it cannot be known without guessing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Flux {
     /// Radiant flux, W.
     pub radiant_w: Option<f64>,

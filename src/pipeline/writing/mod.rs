@@ -6,6 +6,8 @@ pub mod json;
 pub mod number;
 /// Axes, curves and legend of a polar chart.
 pub mod polar_chart;
+/// JSON Schemas of what is written.
+pub mod schema;
 /// Triangles to pixels, for hulls too fine to be drawn as polygons.
 pub mod raster;
 /// Values to colours.

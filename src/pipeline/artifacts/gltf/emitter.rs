@@ -2,8 +2,8 @@
 //! (`openapi/emitter-extras.schema.json`).
 
 use crate::artifacts::exitance::Colors;
+use crate::artifacts::facts::{Box3, FrameFacts, Spectrum};
 use crate::artifacts::goniograms;
-use crate::artifacts::goniograms::{Box3, FrameFacts, Spectrum};
 use crate::artifacts::provenance::Provenance;
 use crate::flux::Amounts;
 use crate::goniogram::Zone;
@@ -12,8 +12,11 @@ use crate::model::Model;
 use crate::options::{Options as RunOptions, Spectra};
 use crate::source::Columns;
 use crate::writing::number::{Numbers, SUM_DIGITS, rounded, sum};
+use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
 
+/// What the object calls its schema.
+const URN: &str = "urn:lampwright:emitter-extras:1";
 /// Attribute of the vertices' radiant flux, W.
 pub const FLUX_W: &str = "_FLUX_W";
 /// Attribute of the vertices' luminous flux, lm.
@@ -49,25 +52,50 @@ fn in_extras(model: &Model, options: &RunOptions) -> Result<(), &'static str> {
     }
 }
 
-/// The object `meshes[0].extras.emitter`.
-#[derive(Serialize)]
+/// What the attributes of the emitter's surface mean, and the same numbers as lists.
+#[derive(Serialize, JsonSchema)]
+#[schemars(title = "meshes[0].extras.emitter of emitter.glb", extend("$id" = URN))]
 pub struct Emitter<'a> {
+    /// Compare this: another number means a change that breaks readers.
+    #[schemars(extend("const" = URN))]
     schema: &'static str,
+    /// The photometric frame of the goniograms.
     frame: FrameFacts,
+    /// Column-major 4x4: glTF metres, Y up, to the ray file's mm.
     gltf_to_source_mm: [f64; 16],
+    /// How fluxes of vertices become exitance.
     exitance: &'static str,
+    /// How exitance and goniograms become radiance.
     radiance: &'static str,
+    /// What holds where attributes and the lists here differ.
     precedence: &'static str,
+    /// Luminance of a Lambertian surface whose COLOR_0 has relative luminance 1: M/pi, cd/m2; null where luminous flux is
+    /// unknown.
+    #[schemars(range(min = 0))]
     luminance_scale_cd_m2: Option<f64>,
+    /// The bands of every spectral number; null without bands.
     spectrum: Option<Spectrum>,
+    /// Spectral flux of the vertices; null without bands.
     vertex_spectra: Option<VertexSpectra<'a>>,
+    /// Tristimulus flux of the vertices; null unless the rays are tristimulus.
     vertex_tristimulus: Option<VertexTristimulus>,
-    vertex_flux: Vec<FluxList<'a>>,
-    triangle_flux: Vec<FluxList<'a>>,
+    /// One list for each known flux; their sums are the model's flux.
+    #[schemars(length(min = 1))]
+    vertex_flux: Vec<VertexFlux<'a>>,
+    /// One list for each known flux, as counted, before smoothing.
+    #[schemars(length(min = 1))]
+    triangle_flux: Vec<TriangleFlux<'a>>,
+    /// Which step of the hull made each triangle.
     triangle_stage: Stages<'a>,
+    /// The zones; the index is the zone's id.
+    #[schemars(length(min = 1))]
     zones: Vec<ZoneFacts>,
+    /// How vertices belong to zones.
     zone_weights: ZoneWeights,
+    /// The file in the zip that holds the zones' goniograms.
+    #[schemars(extend("const" = goniograms::NAME))]
     goniograms: &'static str,
+    /// What makes the same bytes again.
     provenance: Provenance<'a>,
 }
 
@@ -76,7 +104,7 @@ impl<'a> Emitter<'a> {
     pub fn new(model: &'a Model, options: &'a RunOptions, colors: &Colors) -> Emitter<'a> {
         let has_bands = model.spectral.has_bands();
         Emitter {
-            schema: "urn:lampwright:emitter-extras:1",
+            schema: URN,
             frame: FrameFacts::new(&model.goniograms.frame),
             gltf_to_source_mm: GLTF_TO_SOURCE_MM,
             exitance: "M_l = flux_l / A_l, A_l = a third of the areas of the vertex's triangles in mm2; \
@@ -91,14 +119,11 @@ impl<'a> Emitter<'a> {
                 quantity: "tristimulus flux",
                 unit: "lm",
                 attribute: XYZ_LM,
-                components: ["X", "Y", "Z"],
+                components: COMPONENTS,
             }),
-            vertex_flux: flux_lists(&model.surface.vertices, true),
-            triangle_flux: flux_lists(&model.surface.triangles, false),
-            triangle_stage: Stages {
-                labels: ["projected", "stitched", "filled"],
-                values: StageCodes(&model.hull.labels),
-            },
+            vertex_flux: flux_lists(&model.surface.vertices).map(VertexFlux::new).collect(),
+            triangle_flux: flux_lists(&model.surface.triangles).map(TriangleFlux::new).collect(),
+            triangle_stage: Stages { labels: STAGES, values: StageCodes(&model.hull.labels) },
             zones: model.goniograms.zones.iter().map(ZoneFacts::new).collect(),
             zone_weights: ZoneWeights {
                 rule: "hard",
@@ -116,16 +141,33 @@ impl<'a> Emitter<'a> {
 const GLTF_TO_SOURCE_MM: [f64; 16] =
     [1000.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1000.0, 0.0, 0.0, -1000.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
 
-#[derive(Serialize)]
+/// Spectral flux of the vertices.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct VertexSpectra<'a> {
+    /// What the numbers are.
     quantity: &'static str,
+    /// Their unit.
+    #[schemars(extend("const" = "W/nm"))]
     unit: &'static str,
+    /// Number of vertices, of bands.
+    #[schemars(inner(range(min = 1)))]
     shape: [usize; 2],
+    /// One list of bands for each vertex.
+    #[schemars(extend("const" = "vertex-major"))]
     layout: &'static str,
+    /// Names of the glTF attributes, one per band; they win over values. Null where spectra are no attributes.
+    #[schemars(inner(regex(pattern = "^_SPECTRUM_[0-9]{3,}$")))]
     attributes: Option<Vec<String>>,
+    /// W/nm of one unit of values; null without values.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     scale: Option<f64>,
+    /// [vertex][band], whole numbers; null where they are in attributes only.
+    #[schemars(with = "Option<Vec<Vec<u64>>>")]
     values: Option<Quantised<'a>>,
+    /// Why values is null.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "String")]
     values_absent_because: Option<&'static str>,
 }
 
@@ -175,42 +217,93 @@ impl Serialize for Quantised<'_> {
     }
 }
 
-#[derive(Serialize)]
+/// Tristimulus flux of the vertices.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct VertexTristimulus {
+    /// What the numbers are.
     quantity: &'static str,
+    /// Their unit.
+    #[schemars(extend("const" = "lm"))]
     unit: &'static str,
+    /// The glTF attribute that holds them.
+    #[schemars(extend("const" = XYZ_LM))]
     attribute: &'static str,
+    /// Its components, in order.
+    #[schemars(extend("const" = COMPONENTS))]
     components: [&'static str; 3],
 }
 
-#[derive(Serialize)]
-struct FluxList<'a> {
+const COMPONENTS: [&str; 3] = ["X", "Y", "Z"];
+
+/// Flux of the vertices, W or lm.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+struct VertexFlux<'a> {
+    /// Which flux.
+    #[schemars(extend("enum" = [RADIANT.0, LUMINOUS.0]))]
     quantity: &'static str,
+    /// Unit of the values.
+    #[schemars(extend("enum" = [RADIANT.1, LUMINOUS.1]))]
     unit: &'static str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    attribute: Option<&'static str>,
+    /// The glTF attribute that holds the same.
+    #[schemars(extend("enum" = [FLUX_W, FLUX_LM]))]
+    attribute: &'static str,
+    /// One number per vertex.
+    #[schemars(with = "Vec<f64>", inner(range(min = 0)))]
     values: Numbers<'a>,
 }
 
-/// One list for each flux that is known.
-fn flux_lists(amounts: &Amounts, attributes: bool) -> Vec<FluxList<'_>> {
-    let radiant = amounts.radiant_w.as_ref().map(|values| ("radiant flux", "W", FLUX_W, values));
-    let luminous = amounts.luminous_lm.as_ref().map(|values| ("luminous flux", "lm", FLUX_LM, values));
-    radiant
-        .into_iter()
-        .chain(luminous)
-        .map(|(quantity, unit, attribute, values)| FluxList {
-            quantity,
-            unit,
-            attribute: attributes.then_some(attribute),
-            values: Numbers(values, SUM_DIGITS),
-        })
-        .collect()
+/// Flux of the triangles, W or lm.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+struct TriangleFlux<'a> {
+    /// Which flux.
+    #[schemars(extend("enum" = [RADIANT.0, LUMINOUS.0]))]
+    quantity: &'static str,
+    /// Unit of the values.
+    #[schemars(extend("enum" = [RADIANT.1, LUMINOUS.1]))]
+    unit: &'static str,
+    /// One number per triangle.
+    #[schemars(with = "Vec<f64>", inner(range(min = 0)))]
+    values: Numbers<'a>,
 }
 
-#[derive(Serialize)]
+/// A flux by name and unit, and the attribute of the vertices'.
+type Named = (&'static str, &'static str, &'static str);
+const RADIANT: Named = ("radiant flux", "W", FLUX_W);
+const LUMINOUS: Named = ("luminous flux", "lm", FLUX_LM);
+
+/// The fluxes that are known.
+fn flux_lists(amounts: &Amounts) -> impl Iterator<Item = (Named, Numbers<'_>)> {
+    let known = [(RADIANT, &amounts.radiant_w), (LUMINOUS, &amounts.luminous_lm)];
+    known.into_iter().filter_map(|(named, values)| Some((named, Numbers(values.as_ref()?, SUM_DIGITS))))
+}
+
+impl<'a> VertexFlux<'a> {
+    fn new(((quantity, unit, attribute), values): (Named, Numbers<'a>)) -> VertexFlux<'a> {
+        VertexFlux { quantity, unit, attribute, values }
+    }
+}
+
+impl<'a> TriangleFlux<'a> {
+    fn new(((quantity, unit, _), values): (Named, Numbers<'a>)) -> TriangleFlux<'a> {
+        TriangleFlux { quantity, unit, values }
+    }
+}
+
+/// The steps of the hull that make triangles.
+const STAGES: [&str; 3] = ["projected", "stitched", "filled"];
+
+/// Which step of the hull made each triangle.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct Stages<'a> {
+    /// The steps.
+    #[schemars(extend("const" = STAGES))]
     labels: [&'static str; 3],
+    /// Index into labels, one per triangle.
+    #[schemars(with = "Vec<u8>", inner(range(max = 2)))]
     values: StageCodes<'a>,
 }
 
@@ -227,11 +320,17 @@ impl Serialize for StageCodes<'_> {
     }
 }
 
-#[derive(Serialize)]
+/// A zone.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct ZoneFacts {
+    /// Its index in zones; the value of the attribute _ZONE.
     id: u32,
+    /// Its row in the lattice, counted from 0 along photometric y.
     row: usize,
+    /// Its column in the lattice, counted from 0 along photometric x.
     column: usize,
+    /// Box of its vertices.
     bounds_mm: Box3,
 }
 
@@ -241,9 +340,16 @@ impl ZoneFacts {
     }
 }
 
-#[derive(Serialize)]
+/// How vertices belong to zones.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 struct ZoneWeights {
+    /// "hard": each vertex belongs to one zone.
+    #[schemars(extend("const" = "hard"))]
     rule: &'static str,
+    /// The glTF attribute with the zone's id.
+    #[schemars(extend("const" = ZONE))]
     attribute: &'static str,
+    /// The rule in words.
     meaning: &'static str,
 }
