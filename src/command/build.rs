@@ -24,19 +24,19 @@ use std::time::Duration;
 /// Arguments of `build`.
 #[derive(Args)]
 pub struct Arguments {
-    /// Ray files of one source, in one frame; packed ones too, FILE:MEMBER where a zip holds several. What follows a comma goes
-    /// before the file's own word.
+    /// Ray files of one source, in one coordinate frame; FILE:MEMBER names a file in a zip. Values after a comma override what
+    /// the file says.
     #[arg(required = true, value_name = "FILE[,KEY=VALUE]..", value_parser = channel_argument::channel, long_help = channel_argument::HELP)]
     files: Vec<ChannelFile>,
-    /// Total flux of the source, of which every file has a share, as 1.2W or 337lm.
+    /// Total flux of the source, of which every file has a share, for example 1.2W or 337lm.
     #[arg(long, value_name = "FLUX", value_parser = channel_argument::total)]
     total: Option<Total>,
-    /// Folder for the results; made if missing, and must be empty.
+    /// Folder for the results; must be empty, and is created if missing.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     #[command(flatten)]
     choices: Choices,
-    /// Threads [default: as many as the machine has].
+    /// Number of threads [default: as many as the machine has].
     #[arg(long, value_name = "N", value_parser = measure::at_least_one::<usize>)]
     threads: Option<usize>,
 }
@@ -44,34 +44,35 @@ pub struct Arguments {
 /// The pipeline's options as flags; what is not given is the pipeline's default.
 #[derive(Args, Default)]
 struct Choices {
-    /// Cells along the longest edge of the source [default: from the number of rays].
+    /// Number of cells along the longest edge of the source [default: follows from the number of rays].
     #[arg(long, value_name = "CELLS")]
     resolution: Option<u32>,
-    /// Longest edge of a stitched or filled triangle, mm [default: from the cell size].
+    /// Longest edge of a stitched or filled triangle, mm [default: follows from the cell size].
     #[arg(long, value_name = "MM")]
     max_edge: Option<f64>,
-    /// Zones along C0 and across it, as 4x4 [default: from the density of rays, at most 16].
+    /// Zones along C0 and along C90, for example 4x4 [default: follows from the density of rays, at most 16].
     #[arg(long, value_name = "CxR", value_parser = argument::zones)]
     zones: Option<(u32, u32)>,
-    /// Axis of the source at gamma = 0: +X -X +Y -Y +Z -Z [default: the one nearest the brightest direction].
+    /// Axis of the source that points to gamma = 0: +X -X +Y -Y +Z -Z [default: the axis nearest to the direction of maximum
+    /// intensity].
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = argument::axis)]
     nadir: Option<Axis>,
-    /// Axis of the source at C0 [default: the next one: +X for Z, +Y for X, +Z for Y].
+    /// Axis of the source that points to C0 [default: the next axis: +X for Z, +Y for X, +Z for Y].
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = argument::axis)]
     c0: Option<Axis>,
-    /// Step of the goniograms' gamma, degrees; divides 180 [default: from the beam and its rays].
+    /// Step of the gamma angle of the goniograms, degrees; must divide 180 [default: follows from the beam and its rays].
     #[arg(long, value_name = "DEGREES")]
     gamma_step: Option<f64>,
-    /// Step of the goniograms' C planes, degrees; divides 360 [default: 10].
+    /// Step of the C angle of the goniograms, degrees; must divide 360 [default: 10].
     #[arg(long, value_name = "DEGREES")]
     c_step: Option<f64>,
-    /// Spectral bands in nm [default: 380:780:10, wider where the rays are].
+    /// Spectral bands in nm [default: 380:780:10, extended to the wavelengths of the rays].
     #[arg(long, value_name = "MIN:MAX:STEP", value_parser = argument::bands)]
     bands: Option<Bands>,
-    /// Leave flux and goniograms as counted.
+    /// Do not smooth the flux and the goniograms.
     #[arg(long)]
     no_smoothing: bool,
-    /// Where vertex spectra go in the glTF.
+    /// Where the glTF file has the vertex spectra.
     #[arg(long, value_enum, default_value_t)]
     spectra: SpectraPlace,
     /// Edition of the IES files, 2002 or 2019.
@@ -153,7 +154,8 @@ fn make_empty(folder: &Path) -> Result<(), Failure> {
     fs::create_dir_all(folder).map_err(disk)?;
     if fs::read_dir(folder).map_err(disk)?.next().is_some() {
         let found = "The folder for the results is not empty.";
-        return Err(Failure::usage("build.output", found, "Empty it or name another.").at(folder.display().to_string()));
+        return Err(Failure::usage("build.output", found, "Empty the folder, or name another.")
+            .at(folder.display().to_string()));
     }
     Ok(())
 }
@@ -161,7 +163,8 @@ fn make_empty(folder: &Path) -> Result<(), Failure> {
 fn on_threads<T: Send>(threads: Option<usize>, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
     let Some(threads) = threads else { return Ok(work()) };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|error| Failure::usage("build.threads", error.to_string(), "Give fewer threads."))?;
+    let pool =
+        pool.map_err(|error| Failure::usage("build.threads", error.to_string(), "Use fewer threads: --threads."))?;
     Ok(pool.install(work))
 }
 

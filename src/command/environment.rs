@@ -37,7 +37,7 @@ fn unread_of(command: &Command, set: impl Iterator<Item = OsString>) -> Vec<Stri
     let ours = |name: &String| {
         name.to_ascii_uppercase().starts_with(PREFIX) && !known.contains(name) && !is_of_kubernetes(name)
     };
-    names.into_iter().filter(ours).map(|name| told(&name, &known)).collect()
+    names.into_iter().filter(ours).map(|name| warning(&name, &known)).collect()
 }
 
 /// What Kubernetes sets in every container beside a Service called `lampwright`.
@@ -46,7 +46,7 @@ fn is_of_kubernetes(name: &str) -> bool {
     rest == "PORT" || ["PORT_", "SERVICE_HOST", "SERVICE_PORT"].iter().any(|known| rest.starts_with(known))
 }
 
-fn told(name: &str, known: &[String]) -> String {
+fn warning(name: &str, known: &[String]) -> String {
     let written = name.to_ascii_uppercase();
     // ROLE, DATABASE_URL and STORAGE_URL have no prefix; who gives them one means them.
     let bare = written.strip_prefix(PREFIX).unwrap_or_default();
@@ -55,10 +55,10 @@ fn told(name: &str, known: &[String]) -> String {
     let nearest = nearest.max_by(|(_, one), (_, other)| one.total_cmp(other));
     match nearest.filter(|(_, likeness)| *likeness >= ALIKE) {
         Some((meant, _)) => {
-            format!("The variable {name} is not known and has no effect. Is {meant} meant?", name = visible(name))
+            format!("The variable {name} is not known and has no effect. Did you mean {meant}?", name = visible(name))
         }
         None => format!(
-            "The variable {name} is not known and has no effect. `lampwright serve --help` names all.",
+            "The variable {name} is not known and has no effect. `lampwright serve --help` lists all variables.",
             name = visible(name)
         ),
     }
@@ -103,10 +103,13 @@ mod tests {
             ("LAMPWRIGHT_MEMROY", "LAMPWRIGHT_MEMORY"),
             ("LAMPWRIGHT_MEM", "LAMPWRIGHT_MEMORY"),
             ("lampwright_memory", "LAMPWRIGHT_MEMORY"),
-            ("LAMPWRIGHT_ROLE", "Is ROLE meant"),
+            ("LAMPWRIGHT_ROLE", "Did you mean ROLE"),
         ] {
-            let told = unread(&[written]);
-            assert!(told.len() == 1 && told[0].contains(written) && told[0].contains(meant), "{told:?}");
+            let warnings = unread(&[written]);
+            assert!(
+                warnings.len() == 1 && warnings[0].contains(written) && warnings[0].contains(meant),
+                "{warnings:?}"
+            );
         }
         assert!(unread(&["LAMPWRIGHT_QUX"])[0].contains("--help"));
     }

@@ -82,7 +82,7 @@ impl From<&pipeline::Error> for Failure {
         match error {
             Error::Malformed(fault) => Failure::of("The file is malformed", fault),
             Error::Refused(fault) => Failure::of("The file is refused", fault),
-            Error::Unusable(fault) => Failure::of("What was asked for cannot be used", fault),
+            Error::Unusable(fault) => Failure::of("The request is not valid", fault),
             Error::Cancelled => Failure::stopped(),
             Error::Unreadable(_) => stored(error).map_or_else(Failure::store_away, Failure::from),
             Error::Internal(_) => Failure::internal(),
@@ -96,6 +96,6 @@ fn owner(key: &str) -> String {
     match (parts.next(), parts.next()) {
         (Some("ray-sets"), Some(id)) => format!("the ray set {id}"),
         (Some("artifacts"), Some(id)) => format!("the artifacts of the job {id}"),
-        _ => "what was asked for".to_owned(),
+        _ => "the requested resource".to_owned(),
     }
 }

@@ -155,7 +155,7 @@ impl Config {
     }
 
     /// How often a worker renews its lease, tells of its progress and hears of a cancellation.
-    pub fn beat(&self) -> Duration {
+    pub fn renew_every(&self) -> Duration {
         (self.lease / 3).min(Duration::from_secs(1))
     }
 
@@ -166,7 +166,7 @@ impl Config {
     }
 
     /// How webhooks are told, with links below the path of the public URL.
-    pub fn told(&self) -> webhooks::Policy {
+    pub fn webhook_policy(&self) -> webhooks::Policy {
         webhooks::Policy { prefix: self.proxies.public.clone().unwrap_or_default(), ..self.webhooks.clone() }
     }
 

@@ -53,7 +53,7 @@ pub use config::{Config, Role};
 
 use accounts::access::DEFAULT_TENANT;
 use accounts::rate::RateLimit;
-use accounts::{Door, keys};
+use accounts::{Authenticator, keys};
 use axum::Router;
 use connections::{Server, Stopping};
 use http::api::{Api, Services};
@@ -113,7 +113,7 @@ pub enum StartError {
         error: io::Error,
     },
     /// Others could reach it, and nobody has a key.
-    #[error("at {0} others can reach this service, and it has no keys yet")]
+    #[error("other machines can reach this service at {0}, but it has no API keys yet")]
     NoKeys(SocketAddr),
     /// A store cannot be opened.
     #[error(transparent)]
@@ -207,7 +207,7 @@ impl Service {
         let watching = watcher.clone().keep_up(records, recent, queue.changes(), config.poll);
         upkeep.spawn(until(stop.clone(), watching));
         let outbound = Outbound::new(config.outbound_exceptions.clone());
-        let dispatcher = Dispatcher::new(storage.records.clone(), outbound, config.told(), metrics.clone());
+        let dispatcher = Dispatcher::new(storage.records.clone(), outbound, config.webhook_policy(), metrics.clone());
         if config.role.answers() {
             let (records, changes) = (storage.records.clone(), queue.changes());
             let announcing = outbox::keep_up(records, dispatcher.clone(), changes, config.poll);
@@ -223,7 +223,7 @@ impl Service {
             runner,
             limits: config.limits,
             poll: config.poll,
-            beat: config.beat(),
+            renew_every: config.renew_every(),
             patience: config.lease.saturating_mul(10),
             metrics: metrics.clone(),
             stop: stop.clone(),
@@ -278,7 +278,7 @@ impl Service {
                 stopping: draining.clone(),
             },
             intake,
-            door: Door::new(storage.records.clone(), config.asks_for_keys(), rate),
+            authenticator: Authenticator::new(storage.records.clone(), config.asks_for_keys(), rate),
             origins: config.cors_origins.clone().into(),
             prefix: config.proxies.public.clone().unwrap_or_default(),
             space,
@@ -316,8 +316,8 @@ impl Service {
         let mut submitted = Vec::new();
         for ray_set in taken.ray_sets.into_iter().map(|ray_set| ray_set.id) {
             let (queue, new) = (&self.api.queue, NewJob::of(&ray_set));
-            let prospect = queue.prospect(DEFAULT_TENANT, &new).await?;
-            let job = queue.enqueue(DEFAULT_TENANT, &new, &prospect, None).await?.id;
+            let plan = queue.plan(DEFAULT_TENANT, &new).await?;
+            let job = queue.enqueue(DEFAULT_TENANT, &new, &plan, None).await?.id;
             submitted.push(Submitted { ray_set, job });
         }
         Ok(submitted)
@@ -429,7 +429,7 @@ async fn collect_garbage(storage: Storage, config: Config, mut told: usize) {
         ticker.tick().await;
         match collect(&storage, config.garbage_age).await {
             Ok(collected) => told = collected.log_left_alone(told),
-            Err(error) => tracing::warn!(%error, "cannot look for garbage; trying again later"),
+            Err(error) => tracing::warn!(%error, "cannot search for garbage; trying again later"),
         }
     }
 }
@@ -451,8 +451,12 @@ async fn open(config: &Config) -> Result<(Option<File>, Storage), StartError> {
     // A store that is away holds up no start; garbage is not collected before it has answered.
     match timeout(OWNER_LOOK, owner::check(&storage)).await {
         Ok(Err(error @ storage::error::Error::Unusable(_))) => return Err(error.into()),
-        Ok(Err(error)) => tracing::warn!(%error, "cannot see yet whether the object store belongs to this database"),
-        Err(_) => tracing::warn!("the object store has not said yet whether it belongs to this database"),
+        Ok(Err(error)) => {
+            tracing::warn!(%error, "cannot check yet whether the object store belongs to this database; trying again")
+        }
+        Err(_) => {
+            tracing::warn!("the object store does not answer yet: cannot check whether it belongs to this database")
+        }
         Ok(Ok(())) => {}
     }
     // Not before it is known that they are ours.

@@ -208,7 +208,7 @@ impl Metrics {
     }
 
     /// An endpoint was told something, and took it or not.
-    pub fn told(&self, taken: bool) {
+    pub fn webhook_attempted(&self, taken: bool) {
         let ending = if taken { "delivered" } else { "failed" };
         self.0.webhook_attempts.get_or_create(&Ended { ending }).inc();
     }
@@ -342,7 +342,7 @@ mod tests {
         metrics.upload_bytes(7);
         metrics.attempted("succeeded", Duration::from_secs(2));
         metrics.leases_lost(1);
-        metrics.told(true);
+        metrics.webhook_attempted(true);
         metrics
     }
 

@@ -11,11 +11,11 @@ use std::process::ExitCode;
 pub struct Failure {
     /// Stable code, `stage.what`.
     code: String,
-    /// What was found.
+    /// What is wrong in this case.
     found: String,
     /// Where.
     place: Option<String>,
-    /// What to do.
+    /// What the client or the operator can do about it.
     remedy: Option<String>,
     /// 1: input refused or failed; 2: wrong usage.
     exit: u8,
@@ -34,8 +34,12 @@ impl Failure {
 
     /// The disk said no to `path`.
     pub fn disk(path: &Path, error: &std::io::Error) -> Failure {
-        Failure::failed("file.disk", error.to_string(), "Check that it exists and that its permissions allow this.")
-            .at(path.display().to_string())
+        Failure::failed(
+            "file.disk",
+            error.to_string(),
+            "Check that the file exists and that its permissions allow this.",
+        )
+        .at(path.display().to_string())
     }
 
     /// The service's folder cannot be written: mostly because it is another user's, as a folder of the host is that is mounted
@@ -44,10 +48,9 @@ impl Failure {
         let owner = |path: &Path| std::fs::metadata(path).ok().map(|found| found.uid());
         // The kernel shows a process to itself as what it is.
         let user = owner(Path::new("/proc/self")).map_or("its user".to_owned(), |uid| format!("user {uid}"));
-        let belongs = folder
-            .ancestors()
-            .find_map(owner)
-            .map_or(String::new(), |uid| format!(" It, or the folder that it would be made in, is user {uid}'s."));
+        let belongs = folder.ancestors().find_map(owner).map_or(String::new(), |uid| {
+            format!(" The folder, or the one that it would be made in, belongs to user {uid}.")
+        });
         let found = format!("The folder cannot be written: {error}. This process runs as {user}.{belongs}");
         let remedy = format!(
             "Give the folder to {user} (chown -R, on the host where it is mounted from there), or run this as the folder's owner \

@@ -151,7 +151,7 @@ pub async fn revoke(records: &Records, id: &str) -> Result<bool, Error> {
 
 /// A key as its row has it.
 #[derive(Clone)]
-struct Held {
+struct StoredKey {
     key: Key,
     secret_sha256: String,
     /// The database's time when it was read, epoch ms.
@@ -161,14 +161,14 @@ struct Held {
 /// Looks keys up in the database, for every request anew: a key that was revoked, by whichever process, opens nothing from the next
 /// request on. Those who ask at the same time are answered with one statement. Cheap to clone.
 #[derive(Clone)]
-pub struct Keyring(Together<Held>);
+pub struct Keyring(Together<StoredKey>);
 
 impl Keyring {
     /// The keys in `records`.
     pub fn new(records: Records) -> Keyring {
         let read = move |ids: Vec<String>| {
             let records = records.clone();
-            async move { held(&records, &ids).await }.boxed()
+            async move { stored_keys(&records, &ids).await }.boxed()
         };
         Keyring(Together::new(read))
     }
@@ -179,7 +179,9 @@ impl Keyring {
     /// The database did not answer. Within: why the key opens nothing.
     pub async fn open(&self, token: &str) -> Result<Result<Access, Refusal>, Error> {
         let Some((id, secret)) = split(token) else { return Ok(Err(Refusal::Malformed)) };
-        let Some(Held { key, secret_sha256, now_ms }) = self.0.ask(id).await? else { return Ok(Err(Refusal::Unknown)) };
+        let Some(StoredKey { key, secret_sha256, now_ms }) = self.0.ask(id).await? else {
+            return Ok(Err(Refusal::Unknown));
+        };
         if !bool::from(digest(secret).as_bytes().ct_eq(secret_sha256.as_bytes())) {
             return Ok(Err(Refusal::Unknown));
         }
@@ -193,14 +195,14 @@ impl Keyring {
     }
 }
 
-async fn held(records: &Records, ids: &[String]) -> Result<HashMap<String, Held>, Error> {
+async fn stored_keys(records: &Records, ids: &[String]) -> Result<HashMap<String, StoredKey>, Error> {
     let list = serde_json::to_string(ids).map_err(Error::fault)?;
     let select = sql("SELECT *, {now} AS now_ms FROM api_keys WHERE id IN ({texts of $1 texts})").bind(list);
-    let held = |row: &Row| {
+    let stored = |row: &Row| {
         let (key, secret_sha256) = (key(row)?, row.text("secret_sha256")?);
-        Ok((key.id.clone(), Held { key, secret_sha256, now_ms: row.number("now_ms")? }))
+        Ok((key.id.clone(), StoredKey { key, secret_sha256, now_ms: row.number("now_ms")? }))
     };
-    records.read(select).await?.iter().map(held).collect()
+    records.read(select).await?.iter().map(stored).collect()
 }
 
 /// Id and secret of a token that is written as ours are.

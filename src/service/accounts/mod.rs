@@ -20,17 +20,17 @@ use std::sync::Arc;
 
 /// What every request passes. Cheap to clone.
 #[derive(Clone)]
-pub struct Door {
+pub struct Authenticator {
     keys: Keyring,
     /// Without keys everybody who reaches the service may do everything; the service then listens on loopback only.
     asks_for_keys: bool,
     rate: Arc<RateLimit>,
 }
 
-impl Door {
-    /// A door that knows the keys in `records`.
-    pub fn new(records: Records, asks_for_keys: bool, rate: RateLimit) -> Door {
-        Door { keys: Keyring::new(records), asks_for_keys, rate: Arc::new(rate) }
+impl Authenticator {
+    /// Checks requests against the keys in `records`.
+    pub fn new(records: Records, asks_for_keys: bool, rate: RateLimit) -> Authenticator {
+        Authenticator { keys: Keyring::new(records), asks_for_keys, rate: Arc::new(rate) }
     }
 
     /// Whether a key is asked for.
@@ -42,7 +42,7 @@ impl Door {
     ///
     /// # Errors
     /// The database did not answer. Within: why the key opens nothing.
-    pub async fn open(&self, token: Option<&str>) -> Result<Result<Access, Refusal>, Error> {
+    pub async fn authenticate(&self, token: Option<&str>) -> Result<Result<Access, Refusal>, Error> {
         match token {
             _ if !self.asks_for_keys => Ok(Ok(Access::without_key())),
             None => Ok(Err(Refusal::Missing)),

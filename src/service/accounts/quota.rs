@@ -40,7 +40,7 @@ pub struct Usage {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Exceeded {
     /// Its bytes.
-    #[error("{used} of {limit} bytes are used")]
+    #[error("the tenant uses {used} of {limit} bytes")]
     StoredBytes {
         /// Kept now, bytes.
         used: u64,
@@ -48,7 +48,7 @@ pub enum Exceeded {
         limit: u64,
     },
     /// Its waiting jobs.
-    #[error("{limit} jobs are waiting")]
+    #[error("{limit} jobs of the tenant are queued")]
     QueuedJobs {
         /// Most.
         limit: u64,
@@ -67,7 +67,7 @@ impl Room {
     ///
     /// # Errors
     /// There is none.
-    pub fn admit(self, more: u64) -> Result<(), Exceeded> {
+    pub fn check(self, more: u64) -> Result<(), Exceeded> {
         let Room { used, limit } = self;
         match used.saturating_add(more) > limit {
             true => Err(Exceeded::StoredBytes { used, limit }),
@@ -116,29 +116,29 @@ impl Quota {
     ///
     /// # Errors
     /// The database did not answer. Within: it has not.
-    pub async fn admit_bytes(self, transaction: &mut Transaction, tenant: &str) -> Result<Result<(), Exceeded>, Error> {
-        Ok(self.hold(transaction, tenant).await?.room().admit(0))
+    pub async fn check_bytes(self, transaction: &mut Transaction, tenant: &str) -> Result<Result<(), Exceeded>, Error> {
+        Ok(self.lock(transaction, tenant).await?.room().check(0))
     }
 
     /// The quota and usage of `tenant`, which nobody else changes until the transaction ends. Right as its first statement.
     ///
     /// # Errors
     /// The database did not answer.
-    pub async fn hold(self, transaction: &mut Transaction, tenant: &str) -> Result<Held, Error> {
+    pub async fn lock(self, transaction: &mut Transaction, tenant: &str) -> Result<LockedUsage, Error> {
         let quota = self.of(&tenants::hold(transaction, tenant).await?);
         let rows = transaction.read(sql(USAGE).bind(tenant)).await?;
-        Ok(Held { quota, usage: rows.first().map(counted).transpose()?.unwrap_or_default() })
+        Ok(LockedUsage { quota, usage: rows.first().map(counted).transpose()?.unwrap_or_default() })
     }
 }
 
 /// A tenant's quota and usage, as long as the transaction that holds its row.
 #[derive(Clone, Copy, Debug)]
-pub struct Held {
+pub struct LockedUsage {
     quota: Quota,
     usage: Usage,
 }
 
-impl Held {
+impl LockedUsage {
     fn room(self) -> Room {
         Room { used: self.usage.stored_bytes, limit: self.quota.stored_bytes }
     }
@@ -147,12 +147,12 @@ impl Held {
     ///
     /// # Errors
     /// It may not.
-    pub fn admit_job(self) -> Result<(), Exceeded> {
+    pub fn check_job(self) -> Result<(), Exceeded> {
         if self.usage.queued_jobs >= self.quota.queued_jobs {
             return Err(Exceeded::QueuedJobs { limit: self.quota.queued_jobs });
         }
         // What it gives will need room: none left is told now, not after the computation.
-        self.room().admit(1)
+        self.room().check(1)
     }
 }
 

@@ -12,7 +12,7 @@ pub use places::AtHand;
 
 use crate::forwarded::{Peer, Proxies};
 use crate::metrics::Metrics;
-use answers::{Held, Unasked};
+use answers::{AnswerBody, Unasked};
 use axum::Router;
 use axum::body::Body;
 use axum::extract::Request;
@@ -23,7 +23,7 @@ use hyper::ext::ReasonPhrase;
 use hyper::server::conn::{http1, http2};
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
-use places::{Connection, Place, Places};
+use places::{Connection, ConnectionPlace, Places};
 use std::future::{pending, poll_fn};
 use std::io;
 use std::net::SocketAddr;
@@ -31,7 +31,7 @@ use std::pin::pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
-use stream::{Received, Unread};
+use stream::{Received, WriteTimeoutStream};
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinSet;
@@ -159,7 +159,7 @@ pub async fn serve(listener: TcpListener, server: Server) {
 }
 
 /// One connection, from its first byte to its last.
-async fn answer(server: Arc<Server>, places: Places, place: Place, stream: TcpStream, peer: SocketAddr) {
+async fn answer(server: Arc<Server>, places: Places, place: ConnectionPlace, stream: TcpStream, peer: SocketAddr) {
     let _counted = server.metrics.connection();
     // Answers are small or streamed in large pieces: waiting to fill a packet only delays them.
     let _ = stream.set_nodelay(true);
@@ -229,14 +229,14 @@ struct Asker {
 impl Asker {
     async fn session(self, stream: TcpStream, head: Duration) -> Ended {
         let is_http_2 = begins_http_2(&stream).await?;
-        let stream = Unread::new(stream, self.server.bounds.unread, Arc::clone(&self.connection));
+        let stream = WriteTimeoutStream::new(stream, self.server.bounds.unread, Arc::clone(&self.connection));
         match is_http_2 {
             true => self.http_2(stream).await,
             false => self.http_1(stream, head).await,
         }
     }
 
-    async fn http_1(self, stream: Unread, head: Duration) -> Ended {
+    async fn http_1(self, stream: WriteTimeoutStream, head: Duration) -> Ended {
         let (draining, place) = (self.server.stopping.draining.clone(), Arc::clone(&self.connection));
         let is_partly_read = Arc::new(AtomicBool::new(false));
         let partly_read = Arc::clone(&is_partly_read);
@@ -268,7 +268,7 @@ impl Asker {
         Ok(ended?)
     }
 
-    async fn http_2(self, stream: Unread) -> Ended {
+    async fn http_2(self, stream: WriteTimeoutStream) -> Ended {
         let (server, place) = (Arc::clone(&self.server), Arc::clone(&self.connection));
         let (draining, bounds) = (&server.stopping.draining, server.bounds);
         let unasked = Arc::new(Unasked::default());
@@ -322,7 +322,7 @@ impl Asker {
         if status.canonical_reason().is_none() {
             response.extensions_mut().insert(reason(status.as_u16()));
         }
-        Ok(response.map(|body| Body::new(Held::new(body, at_hand, forwarded, unasked.as_ref()))))
+        Ok(response.map(|body| Body::new(AnswerBody::new(body, at_hand, forwarded, unasked.as_ref()))))
     }
 }
 
@@ -365,7 +365,7 @@ async fn begins_http_2(stream: &TcpStream) -> io::Result<bool> {
 
 /// Reads on until the other end has closed too. A connection closed with bytes unread, those of a refused body, is reset, and
 /// the client sees that instead of why it was refused.
-async fn linger(mut stream: Unread) -> io::Result<()> {
+async fn linger(mut stream: WriteTimeoutStream) -> io::Result<()> {
     stream.shutdown().await?;
     tokio::io::copy(&mut stream, &mut tokio::io::sink()).await?;
     Ok(())
@@ -375,7 +375,7 @@ async fn linger(mut stream: Unread) -> io::Result<()> {
 async fn rest_after(error: &io::Error) {
     use io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset};
     if !matches!(error.kind(), ConnectionAborted | ConnectionRefused | ConnectionReset) {
-        tracing::error!(%error, "cannot take a connection");
+        tracing::error!(%error, "cannot accept a connection");
         sleep(REST).await;
     }
 }

@@ -79,10 +79,10 @@ fn one_host(version: Version, headers: &HeaderMap) -> Result<(), Problem> {
     };
     match (first, second) {
         (None, None) if version < Version::HTTP_11 => Ok(()),
-        (None, _) => Err(Problem::malformed_header("Host", "It is missing.")),
-        (Some(_), Some(_)) => Err(Problem::malformed_header("Host", "It came more than once.")),
+        (None, _) => Err(Problem::malformed_header("Host", "The request has no Host header.")),
+        (Some(_), Some(_)) => Err(Problem::malformed_header("Host", "The request has more than one Host header.")),
         (Some(host), None) if host.to_str().is_ok_and(is_host) => Ok(()),
-        (Some(_), None) => Err(Problem::malformed_header("Host", "It is not a host, with or without a port.")),
+        (Some(_), None) => Err(Problem::malformed_header("Host", "The value is not a host, with or without a port.")),
     }
 }
 

@@ -62,7 +62,7 @@ fn guarded(scopes: Vec<Scope>, counted: Counted, routes: UtoipaMethodRouter<Api>
         let scopes = Arc::clone(&scopes);
         async move {
             let mut limit = None;
-            let mut response = match admitted(request, &scopes, counted, &mut limit).await {
+            let mut response = match authorized(request, &scopes, counted, &mut limit).await {
                 Ok(request) => next.run(request).await,
                 Err(problem) => problem.into_response(),
             };
@@ -90,11 +90,11 @@ impl Limit {
         // A bucket is refilled steadily: that many seconds from now it is full, if nothing is asked meanwhile.
         let missing = u64::from(burst.saturating_sub(self.left)) * u64::from(window_s);
         let reset_s = self.wait_s.unwrap_or_else(|| missing.div_ceil(u64::from(burst.max(1))));
-        let told = [
+        let values = [
             (RATE_LIMIT_POLICY, format!("\"requests\";q={burst};w={window_s}")),
             (RATE_LIMIT, format!("\"requests\";r={};t={reset_s}", self.left)),
         ];
-        for (name, value) in told {
+        for (name, value) in values {
             if let Ok(value) = HeaderValue::try_from(value) {
                 headers.insert(name, value);
             }
@@ -103,26 +103,26 @@ impl Limit {
 }
 
 /// The request with what it may do; its `limit` is what the key may ask for after it.
-async fn admitted(
+async fn authorized(
     mut request: Request,
     scopes: &[Scope],
     counted: Counted,
     limit: &mut Option<Limit>,
 ) -> Result<Request, Problem> {
     let Some(api) = request.extensions().get::<Api>().cloned() else { return Err(Problem::internal()) };
-    let door = &api.door;
-    if !door.asks_for_keys() {
+    let authenticator = &api.authenticator;
+    if !authenticator.asks_for_keys() {
         from_this_machine(request.headers(), &api.origins)?;
     }
     let token = bearer(request.headers())?.map(str::to_owned);
-    let access = door.open(token.as_deref()).await?.map_err(Problem::from)?;
+    let access = authenticator.authenticate(token.as_deref()).await?.map_err(Problem::from)?;
     Span::current().record("tenant", &access.tenant).record("key", access.key.as_deref());
     if !scopes.iter().any(|scope| access.may(*scope)) {
         let names: Vec<&str> = scopes.iter().map(|scope| scope.name()).collect();
         return Err(Problem::scope_missing(&names.join(" or ")));
     }
     if counted == Counted::Yes {
-        let (policy, count) = (door.policy(), door.count(&access));
+        let (policy, count) = (authenticator.policy(), authenticator.count(&access));
         *limit = match count {
             Ok(left) => left.map(|left| Limit { policy, left, wait_s: None }),
             Err(wait) => Some(Limit { policy, left: 0, wait_s: Some(wait.as_secs() + 1) }),
@@ -130,7 +130,7 @@ async fn admitted(
         count.map_err(Problem::too_often)?;
     }
     if let Some(at_hand) = request.extensions().get::<AtHand>() {
-        at_hand.admit();
+        at_hand.mark_with_key();
     }
     request.extensions_mut().insert(access);
     Ok(request)
@@ -184,10 +184,12 @@ impl<S: Send + Sync> FromRequestParts<S> for Access {
 fn document(operation: &mut Operation, scopes: &[Scope], counted: Counted) {
     let each = scopes.iter().map(|scope| SecurityRequirement::new(SCHEME, [scope.name()]));
     operation.security = Some(each.collect());
-    let mut refusals =
-        vec![("401", "no key, or one that opens nothing"), ("403", "the key has not the scope for this")];
+    let mut refusals = vec![
+        ("401", "the request has no API key, or the key is malformed, unknown, expired or revoked"),
+        ("403", "the API key lacks the scope that this request needs"),
+    ];
     if counted == Counted::Yes {
-        refusals.push(("429", "too many requests of this key; `RateLimit` says how many it may make"));
+        refusals.push(("429", "this API key made too many requests; the header `RateLimit` says how many it may make"));
     }
     for (status, description) in refusals {
         can_fail(operation, status, description);
@@ -196,12 +198,15 @@ fn document(operation: &mut Operation, scopes: &[Scope], counted: Counted) {
         && let Some(RefOr::T(refusal)) = operation.responses.responses.get_mut("429")
     {
         for (name, description) in [
-            ("Retry-After", "when to ask again, s"),
+            ("Retry-After", "the seconds to wait before the next request"),
             (
                 "RateLimit",
-                "as draft-ietf-httpapi-ratelimit-headers-09 has it, in every answer: how many requests are left, and when all are there again",
+                "how many requests are left, and the seconds until the full allowance is back (draft-ietf-httpapi-ratelimit-headers-09); every answer has this header",
             ),
-            ("RateLimit-Policy", "likewise: how many requests after a rest, and how long that rest is"),
+            (
+                "RateLimit-Policy",
+                "the full allowance of requests, and the seconds until a used one is full again (same draft)",
+            ),
         ] {
             let header = HeaderBuilder::new().description(Some(description)).build();
             refusal.headers.insert(name.to_owned(), header.into());
@@ -213,8 +218,7 @@ fn document(operation: &mut Operation, scopes: &[Scope], counted: Counted) {
 pub fn document_scheme(contract: &mut OpenApi) {
     let scopes = Scope::ALL.map(Scope::name).join(", ");
     let description = format!(
-        "A key of the tenant whose things are meant, made by `lampwright keys create`. Its scopes: {scopes}. Where the service \
-         listens on loopback only, it asks for none unless told to."
+        "An API key of a tenant, made with `lampwright keys create`. Possible scopes: {scopes}. A service that listens on loopback only requires no key unless it is started with `--auth on`."
     );
     let scheme = HttpBuilder::new().scheme(HttpAuthScheme::Bearer).bearer_format("lw_<id>_<secret>");
     let scheme = SecurityScheme::Http(scheme.description(Some(description)).build());

@@ -22,13 +22,13 @@ const METHOD_OVERRIDES: [&str; 3] = ["x-http-method-override", "x-http-method", 
 pub fn honoured(routes: UtoipaMethodRouter<Api>) -> UtoipaMethodRouter<Api> {
     let (schemas, mut paths, handlers) = routes;
     for operation in operations(&mut paths) {
-        can_fail(operation, "400", "an address that is no text; a header that is malformed, or is not honoured here");
+        can_fail(operation, "400", "the path is not valid UTF-8; a header is malformed or not supported here");
         can_fail(operation, "412", "a precondition (If-Match, If-None-Match) is false");
-        can_fail(operation, "417", "Expect asks for something else than 100-continue");
+        can_fail(operation, "417", "the Expect header asks for something other than 100-continue");
     }
     for item in paths.paths.values_mut() {
         for operation in [&mut item.post, &mut item.put, &mut item.patch, &mut item.delete].into_iter().flatten() {
-            can_fail(operation, "415", "the body has a Content-Encoding");
+            can_fail(operation, "415", "the body has a Content-Encoding, which is not supported");
         }
     }
     (schemas, paths, handlers.route_layer(from_fn(answer)))
@@ -81,7 +81,7 @@ fn framing(headers: &HeaderMap) -> Result<(), Problem> {
         true => Err(Problem::not_honoured(
             "Content-Length",
             "The request has Transfer-Encoding and Content-Length.",
-            "Send one of them.",
+            "Send only one of the two.",
         )),
         false => Ok(()),
     }
@@ -101,8 +101,8 @@ fn method_override(method: &Method, headers: &HeaderMap) -> Result<(), Problem> 
     let other =
         METHOD_OVERRIDES.into_iter().find(|name| text(headers, name).is_some_and(|said| said != method.as_str()));
     let Some(name) = other else { return Ok(()) };
-    let detail = format!("The request is a {method}, and {name} asks for another method.");
-    let remedy = "Send the method itself. Only X-HTTP-Method-Override is honoured, and only under /v1/uploads.";
+    let detail = format!("The method of the request is {method}, but {name} asks for a different method.");
+    let remedy = "Send the request with the intended method. X-HTTP-Method-Override works under /v1/uploads only.";
     Err(Problem::not_honoured(name, &detail, remedy))
 }
 
@@ -114,12 +114,12 @@ fn content(headers: &HeaderMap) -> Result<(), Problem> {
         return Err(Problem::content_encoding(coding));
     }
     if headers.contains_key(header::CONTENT_RANGE) {
-        let remedy = "Send the whole body. A ray file can come in several requests to /v1/uploads (tus 1.0).";
-        return Err(Problem::not_honoured("Content-Range", "A part of a body is not taken.", remedy));
+        let remedy = "Send the whole body. To send a ray file in several requests, use /v1/uploads (tus 1.0).";
+        return Err(Problem::not_honoured("Content-Range", "This address does not accept a part of a body.", remedy));
     }
     if headers.contains_key(header::TRAILER) {
-        let remedy = "Send it as a header, before the body.";
-        return Err(Problem::not_honoured("Trailer", "What follows a body is not read.", remedy));
+        let remedy = "Send the field as a header, before the body.";
+        return Err(Problem::not_honoured("Trailer", "The service does not read trailers.", remedy));
     }
     Ok(())
 }
@@ -137,7 +137,7 @@ fn key(method: &Method, route: &str, headers: &HeaderMap) -> Result<(), Problem>
 fn of_an_upload(method: &Method, is_tus: bool, headers: &HeaderMap) -> Result<(), Problem> {
     for name in headers.keys().filter(|name| name.as_str().starts_with("upload-")) {
         if headers.get_all(name).iter().count() > 1 {
-            return Err(Problem::malformed_header(name.as_str(), "It came more than once."));
+            return Err(Problem::malformed_header(name.as_str(), "The request has this header more than once."));
         }
         let value = text(headers, name.as_str()).unwrap_or_default();
         let is_known = match (is_tus, method) {
@@ -152,8 +152,8 @@ fn of_an_upload(method: &Method, is_tus: bool, headers: &HeaderMap) -> Result<()
             (false, _) => name.as_str() == "upload-draft-interop-version",
         };
         if !is_known {
-            let detail = format!("{name}: {value} means nothing to this request.");
-            let remedy = "OPTIONS /v1/uploads names what there is of tus; such an upload begins with POST /v1/uploads.";
+            let detail = format!("This request does not support {name}: {value}.");
+            let remedy = "OPTIONS /v1/uploads names the supported extensions of tus; begin a resumable upload with POST /v1/uploads.";
             return Err(Problem::not_honoured(name.as_str(), &detail, remedy));
         }
     }
@@ -225,7 +225,9 @@ fn tags(headers: &HeaderMap, name: &HeaderName) -> Result<Option<Tags>, Problem>
         _ if values.is_empty() => Ok(None),
         "*" => Ok(Some(Tags::Any)),
         list if is_tag_list(list) => Ok(Some(Tags::Some)),
-        _ => Err(Problem::malformed_header(name.as_str(), "It is neither * nor entity tags in quotes.")),
+        _ => {
+            Err(Problem::malformed_header(name.as_str(), "The value is neither * nor a list of entity tags in quotes."))
+        }
     }
 }
 

@@ -34,7 +34,7 @@ const PATIENCE: Duration = Duration::from_secs(30);
 const TURN_BYTES: usize = 128 << 10;
 
 /// At most as many requests to these routes together as there are `places`; one more is told to come back.
-pub fn admit(routes: OpenApiRouter<Api>, places: &Arc<Semaphore>) -> OpenApiRouter<Api> {
+pub fn limit_concurrency(routes: OpenApiRouter<Api>, places: &Arc<Semaphore>) -> OpenApiRouter<Api> {
     let layers = ServiceBuilder::new()
         .layer(HandleErrorLayer::new(refused))
         .layer(LoadShedLayer::new())
@@ -47,9 +47,9 @@ fn waits(uri: &Uri) -> bool {
     Query::<Waiting>::try_from_uri(uri).is_ok_and(|Query(waiting)| !waiting.is_none())
 }
 
-/// As [`admit`] and [`patient`], but for requests that wait for something to happen (`?wait=`): whoever watches it bounds those,
+/// As [`limit_concurrency`] and [`with_timeout`], but for requests that wait for something to happen (`?wait=`): whoever watches it bounds those,
 /// and they keep nobody else from asking.
-pub fn admit_but_waiting(routes: OpenApiRouter<Api>, places: &Arc<Semaphore>) -> OpenApiRouter<Api> {
+pub fn limit_unless_waiting(routes: OpenApiRouter<Api>, places: &Arc<Semaphore>) -> OpenApiRouter<Api> {
     let places = Arc::clone(places);
     routes.layer(from_fn(move |request: Request, next: Next| {
         let places = Arc::clone(&places);
@@ -67,9 +67,9 @@ pub fn admit_but_waiting(routes: OpenApiRouter<Api>, places: &Arc<Semaphore>) ->
 }
 
 /// No request to these routes takes longer than [`PATIENCE`] to begin its response.
-pub fn patient(mut routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
+pub fn with_timeout(mut routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
     for operation in operations(&mut routes.get_openapi_mut().paths) {
-        can_fail(operation, "504", "the answer took too long");
+        can_fail(operation, "504", "the service did not answer in time");
     }
     routes.layer(ServiceBuilder::new().layer(HandleErrorLayer::new(refused)).layer(TimeoutLayer::new(PATIENCE)))
 }
@@ -77,13 +77,13 @@ pub fn patient(mut routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
 /// Says in the contract that these routes write, and that what they write may find no room.
 pub fn can_be_full(mut routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
     for operation in operations(&mut routes.get_openapi_mut().paths) {
-        can_fail(operation, "507", "no room for more");
+        can_fail(operation, "507", "the service has no storage space for this");
     }
     routes
 }
 
 /// Requests to these routes write rows: while there is less room than is kept free they are refused, and what makes room is not.
-pub fn roomy(routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
+pub fn require_free_space(routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
     can_be_full(routes).layer(from_fn(|request: Request, next: Next| async move {
         match request.extensions().get::<Api>().map(|api| api.space.has_room_for(0)) {
             Some(true) => next.run(request).await,
@@ -94,7 +94,7 @@ pub fn roomy(routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
 }
 
 /// Bodies sent to these routes are kept: they need room, and are counted as they come.
-pub fn kept(routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
+pub fn account_body(routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
     can_be_full(routes).layer(from_fn(|request: Request, next: Next| async move {
         match room(request) {
             Ok(request) => next.run(request).await,
@@ -139,7 +139,7 @@ async fn refused(error: BoxError) -> Problem {
     } else if error.is::<Elapsed>() {
         Problem::timeout()
     } else {
-        tracing::error!(%error, "a layer failed");
+        tracing::error!(%error, "a middleware layer failed");
         Problem::internal()
     }
 }

@@ -66,7 +66,7 @@ use axum::http::{HeaderName, HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Extension, Router, middleware};
-use load::{admit, admit_but_waiting, can_be_full, kept, patient, roomy};
+use load::{account_body, can_be_full, limit_concurrency, limit_unless_waiting, require_free_space, with_timeout};
 use problem::Problem;
 use std::any::Any;
 use std::sync::Arc;
@@ -100,17 +100,17 @@ const CORS_MEMORY: Duration = Duration::from_mins(10);
 #[openapi(
     info(
         title = "Lampwright",
-        description = "Turns a light source's ray file into a continuous source model. Upload a ray file, queue a job, download what it gives. Every error is `application/problem+json` (RFC 9457) with a stable `code`.",
+        description = "Turns a light source's ray file into a continuous source model. Upload a ray file, queue a job, download its artifacts. Every error is `application/problem+json` (RFC 9457) with a stable `code`.",
         license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0"),
     ),
     tags(
-        (name = "ray sets", description = "Ray files, as they came"),
-        (name = "uploads", description = "Ray files that come in several requests: tus 1.0.0"),
-        (name = "spectra", description = "Spectra of channels, from files of their own"),
-        (name = "jobs", description = "What is to be computed, how far it is, and why it failed"),
-        (name = "artifacts", description = "What a job gave"),
-        (name = "webhooks", description = "Who is told that jobs have ended"),
-        (name = "health", description = "Whether the service lives and works"),
+        (name = "ray sets", description = "Ray files, stored as they were uploaded"),
+        (name = "uploads", description = "Resumable uploads of ray files: tus 1.0.0"),
+        (name = "spectra", description = "Spectra of channels, read from spectrum files"),
+        (name = "jobs", description = "Computations of source models: their progress, results and problems"),
+        (name = "artifacts", description = "The files that a job produced"),
+        (name = "webhooks", description = "URLs that the service notifies when a job ends"),
+        (name = "health", description = "State and metrics of the service"),
     ),
     components(schemas(events::JobProgress, Message<EndedJob>)),
 )]
@@ -164,14 +164,14 @@ fn routes() -> OpenApiRouter<Api> {
     let places = |at_once| Arc::new(Semaphore::new(at_once));
     let reading = places(READS);
     OpenApiRouter::with_openapi(Contract::openapi())
-        .merge(admit(kept(uploads), &places(UPLOADS)))
-        .merge(admit(roomy(ingests), &places(INGESTS)))
-        .merge(admit(patient(kept(spectra)), &places(UPLOADS)))
-        .merge(admit(patient(reads), &reading))
-        .merge(admit(patient(roomy(writes)), &reading))
-        .merge(admit_but_waiting(waits, &reading))
-        .merge(patient(streams))
-        .merge(patient(watch().merge(can_be_full(relief))))
+        .merge(limit_concurrency(account_body(uploads), &places(UPLOADS)))
+        .merge(limit_concurrency(require_free_space(ingests), &places(INGESTS)))
+        .merge(limit_concurrency(with_timeout(account_body(spectra)), &places(UPLOADS)))
+        .merge(limit_concurrency(with_timeout(reads), &reading))
+        .merge(limit_concurrency(with_timeout(require_free_space(writes)), &reading))
+        .merge(limit_unless_waiting(waits, &reading))
+        .merge(with_timeout(streams))
+        .merge(with_timeout(watch().merge(can_be_full(relief))))
 }
 
 /// For whoever watches over the service; every process has these.
@@ -196,7 +196,7 @@ pub fn router(api: Api) -> Router {
 
 /// The face of a process that only computes: whether it is well, and its numbers.
 pub fn health_router(api: Api) -> Router {
-    dressed(patient(watch()).split_for_parts().0, api)
+    dressed(with_timeout(watch()).split_for_parts().0, api)
 }
 
 /// What stands before every route.
@@ -226,7 +226,7 @@ fn dressed(router: Router<Api>, api: Api) -> Router {
     // What stands around a router stands before it has chosen a route.
     let before = ServiceBuilder::new()
         .layer(middleware::map_request(addresses::without_slash))
-        .layer(middleware::map_request(tus::meant));
+        .layer(middleware::map_request(tus::override_method));
     Router::new().fallback_service(routes).layer(before)
 }
 
@@ -266,7 +266,7 @@ fn failed(failure: ServerErrorsFailureClass, took: Duration, _: &tracing::Span) 
     match failure {
         ServerErrorsFailureClass::StatusCode(
             status @ (StatusCode::SERVICE_UNAVAILABLE | StatusCode::INSUFFICIENT_STORAGE),
-        ) => tracing::warn!(%status, ?took, "a request was refused that may succeed later"),
+        ) => tracing::warn!(%status, ?took, "a request was refused; it may succeed later"),
         failure => tracing::error!(%failure, ?took, "a request failed"),
     }
 }

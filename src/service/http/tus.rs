@@ -2,7 +2,7 @@
 
 use super::api::Api;
 use super::problem::Problem;
-use super::upload_request::Sending;
+use super::upload_request::UploadQuery;
 use crate::uploads::checksum::{ALGORITHMS, Checksum};
 use crate::uploads::rows::{Concat, PARTIAL};
 use axum::extract::{Request, State};
@@ -66,7 +66,7 @@ pub const SEEN: [HeaderName; 11] = [
 
 /// A request with the method that it means, as tus has it for clients that cannot say PATCH or DELETE. Before its route is
 /// chosen.
-pub async fn meant(mut request: Request) -> Request {
+pub async fn override_method(mut request: Request) -> Request {
     if is_ours(request.uri().path())
         && let Some(Ok(method)) = method_override(&request)
     {
@@ -82,7 +82,7 @@ pub fn is_ours(path: &str) -> bool {
 
 fn method_override(request: &Request) -> Option<Result<Method, Problem>> {
     let said = request.headers().get(METHOD_OVERRIDE)?;
-    let wrong = |_| Problem::malformed_header(METHOD_OVERRIDE.as_str(), "It is not a method.");
+    let wrong = |_| Problem::malformed_header(METHOD_OVERRIDE.as_str(), "The value is not an HTTP method.");
     Some(Method::from_bytes(said.as_bytes()).map_err(wrong))
 }
 
@@ -110,10 +110,11 @@ pub async fn speak(State(api): State<Api>, request: Request, next: Next) -> Resp
 }
 
 fn abilities(max_bytes: u64) -> Response {
-    let told = [(VERSIONS, VERSION.to_owned()), (EXTENSION, EXTENSIONS.to_owned()), (MAX_SIZE, max_bytes.to_string())];
-    let told = told.into_iter().chain([(CHECKSUM_ALGORITHM, ALGORITHMS.join(","))]);
+    let headers =
+        [(VERSIONS, VERSION.to_owned()), (EXTENSION, EXTENSIONS.to_owned()), (MAX_SIZE, max_bytes.to_string())];
+    let headers = headers.into_iter().chain([(CHECKSUM_ALGORITHM, ALGORITHMS.join(","))]);
     let mut response = StatusCode::NO_CONTENT.into_response();
-    for (name, value) in told {
+    for (name, value) in headers {
         tell(response.headers_mut(), name, &value);
     }
     response
@@ -163,7 +164,7 @@ fn text<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Option<&'a str> {
 /// # Errors
 /// `request.malformed_header`.
 pub fn bytes(headers: &HeaderMap, name: &HeaderName) -> Result<Option<u64>, Problem> {
-    let wrong = || Problem::malformed_header(name.as_str(), "It is not a number of bytes.");
+    let wrong = || Problem::malformed_header(name.as_str(), "The value is not a number of bytes.");
     // A number of a row is signed.
     let read = |text: &str| text.parse().ok().filter(|bytes| *bytes <= i64::MAX.unsigned_abs()).ok_or_else(wrong);
     text(headers, name).map(read).transpose()
@@ -178,7 +179,7 @@ pub fn length(headers: &HeaderMap) -> Result<Option<u64>, Problem> {
         (Some(length), None) => Ok(Some(length)),
         (None, Some("1")) => Ok(None),
         _ => {
-            let detail = "Say either Upload-Length or Upload-Defer-Length: 1.";
+            let detail = "The request must have either Upload-Length or Upload-Defer-Length: 1.";
             Err(Problem::malformed_header(LENGTH.as_str(), detail))
         }
     }
@@ -195,16 +196,14 @@ pub fn concat(headers: &HeaderMap) -> Result<Concat, Problem> {
     }
     let wrong = |detail: &str| Problem::malformed_header(CONCAT.as_str(), detail);
     let list = sent.strip_prefix("final;").ok_or_else(|| {
-        wrong(
-            "It is neither partial nor final, a semicolon and the addresses of partial uploads, a space between them.",
-        )
+        wrong("The value is neither partial nor final; with the addresses of partial uploads, separated by spaces.")
     })?;
     let partials: Option<Vec<String>> = list.split(' ').filter(|url| !url.is_empty()).map(upload_id).collect();
     match partials {
-        None => {
-            Err(wrong("It names something else than uploads: each address ends in /v1/uploads/ and an identifier."))
-        }
-        Some(none) if none.is_empty() => Err(wrong("It names no partial upload.")),
+        None => Err(wrong(
+            "The value names addresses that are not uploads: each must end in /v1/uploads/ and an identifier.",
+        )),
+        Some(none) if none.is_empty() => Err(wrong("The value names no partial upload.")),
         Some(many) if many.len() > MAX_PARTIALS => {
             Err(Problem::out_of_range(CONCAT.as_str(), &format!("final; and at most {MAX_PARTIALS} partial uploads")))
         }
@@ -233,7 +232,8 @@ fn upload_id(url: &str) -> Option<String> {
 pub fn checksum(headers: &HeaderMap) -> Result<Option<Checksum>, Problem> {
     let Some(value) = text(headers, &CHECKSUM) else { return Ok(None) };
     let wrong = || {
-        let detail = format!("It is not one of {}, a space and a digest in base64.", ALGORITHMS.join(", "));
+        let detail =
+            format!("The value is not one of {}, followed by a space and a digest in base64.", ALGORITHMS.join(", "));
         Problem::malformed_header(CHECKSUM.as_str(), &detail)
     };
     let (algorithm, digest) = value.split_once(' ').ok_or_else(wrong)?;
@@ -247,7 +247,7 @@ pub struct Metadata {
     /// As it was sent.
     pub sent: String,
     /// The name and what is declared, in the words of the query that files are sent with.
-    pub sending: Sending,
+    pub query: UploadQuery,
     /// SHA-256 of the whole, lower-case hex.
     pub sha256: Option<String>,
 }
@@ -266,7 +266,7 @@ pub fn metadata(headers: &HeaderMap) -> Result<Metadata, Problem> {
         if ["filename", "name", "sha256", "length_unit", "quantity", "columns", "metadata"].contains(&key) {
             let value = String::from_utf8(value).map_err(|_| wrong(&format!("The value of {key} is not UTF-8.")))?;
             if known.insert(key.to_owned(), Value::String(value)).is_some() {
-                return Err(wrong(&format!("{key} is said twice.")));
+                return Err(wrong(&format!("The key {key} occurs twice.")));
             }
         }
     }
@@ -277,9 +277,9 @@ pub fn metadata(headers: &HeaderMap) -> Result<Metadata, Problem> {
     if let Some(name) = known.remove("filename") {
         known.insert("name".to_owned(), name);
     }
-    let sending: Sending = serde_path_to_error::deserialize(Value::Object(known))
+    let query: UploadQuery = serde_path_to_error::deserialize(Value::Object(known))
         .map_err(|error| Problem::wrong_shape(&error.path().to_string(), &error.inner().to_string()))?;
-    Ok(Metadata { sent: sent.to_owned(), sending, sha256 })
+    Ok(Metadata { sent: sent.to_owned(), query, sha256 })
 }
 
 #[cfg(test)]
@@ -296,13 +296,13 @@ mod tests {
         // The example of the protocol's chapter on creation, and the digest of FIPS 180-2, B.1, in capitals.
         let sent = "filename d29ybGRfZG9taW5hdGlvbl9wbGFuLnBkZg==,is_confidential";
         let read = metadata(&headers(&[("upload-metadata", sent)])).unwrap();
-        assert_eq!((read.sent.as_str(), read.sending.name.as_deref()), (sent, Some("world_domination_plan.pdf")));
+        assert_eq!((read.sent.as_str(), read.query.name.as_deref()), (sent, Some("world_domination_plan.pdf")));
         let hex = "BA7816BF8F01CFEA414140DE5DAE2223B00361A396177A9CB410FF61F20015AD";
         let sent = format!("name bGVkLmRhdA==, length_unit bW0=,sha256 {}", BASE64.encode(hex));
         let read = metadata(&headers(&[("upload-metadata", &sent)])).unwrap();
         assert_eq!(read.sha256, Some(hex.to_lowercase()));
-        assert_eq!(read.sending.name.as_deref(), Some("led.dat"));
-        let declared = serde_json::to_value(read.sending.declaration().unwrap()).unwrap();
+        assert_eq!(read.query.name.as_deref(), Some("led.dat"));
+        let declared = serde_json::to_value(read.query.declaration().unwrap()).unwrap();
         assert_eq!(declared, serde_json::json!({"length_unit": "mm"}));
         for (wrong, code) in [
             ("filename ?", "request.malformed_header"),

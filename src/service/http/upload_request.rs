@@ -19,7 +19,7 @@ pub const MAX_NAME_CHARS: usize = 255;
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct Naming {
-    /// What to call it; goes before `Content-Disposition`, decides nothing.
+    /// The name of the file, for display only; overrides the name in `Content-Disposition`.
     #[param(max_length = 255)]
     pub name: Option<String>,
 }
@@ -28,26 +28,27 @@ pub struct Naming {
 #[derive(Debug, Default, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
-pub struct Sending {
-    /// What to call it; goes before `Content-Disposition`, decides nothing.
+pub struct UploadQuery {
+    /// The name of the file, for display only; overrides the name in `Content-Disposition`.
     #[param(max_length = 255)]
     pub name: Option<String>,
-    /// Unit of its positions; goes before the file's own word.
+    /// The length unit of the positions in the file; overrides what the file says.
     length_unit: Option<LengthUnit>,
-    /// What its flux values are, W or lm; goes before the file's own word.
+    /// Whether the flux values in the file are radiant (W) or luminous (lm); overrides what the file says.
     quantity: Option<QuantityName>,
-    /// What stands in each column, for text in columns only, with commas between: x, y, z, l, m, n, flux, radiant_flux,
-    /// luminous_flux, wavelength_nm, wavelength_um, tristimulus_x, tristimulus_z, ignored.
+    /// The meaning of each column, separated by commas, for files that are text in columns only: x, y, z, l, m, n, flux,
+    /// radiant_flux, luminous_flux, wavelength_nm, wavelength_um, tristimulus_x, tristimulus_z, ignored.
     #[param(example = "x,y,z,l,m,n,flux")]
     columns: Option<String>,
-    /// The client's own keys and values, as a JSON object of texts: at most 16 and 4096 bytes in all; keys of 1 to 64 of A-Z, a-z,
-    /// 0-9, _, . and -; values of at most 512 characters. Every ray set that comes of it has them.
+    /// The client's own metadata, as a JSON object of strings: at most 16 entries and 4096 bytes in all; keys of 1 to 64
+    /// characters of A-Z, a-z, 0-9, _, . and -; values of at most 512 characters. Every ray set that is made of the file gets
+    /// them.
     #[param(value_type = Option<String>, example = "{\"order\":\"4711\"}")]
     #[serde(default, deserialize_with = "Metadata::from_text")]
     pub metadata: Metadata,
 }
 
-impl Sending {
+impl UploadQuery {
     /// What it declares.
     ///
     /// # Errors
@@ -65,20 +66,20 @@ impl Sending {
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct RaySetPage {
-    /// Only those called so.
+    /// Only ray sets with this name.
     pub name: Option<String>,
-    /// Only those of these bytes: is the file here already?
+    /// Only ray sets whose file has this SHA-256: tells whether a file was uploaded before.
     #[param(pattern = "^[0-9A-Fa-f]{64}$")]
     pub sha256: Option<String>,
-    /// Only those whose metadata has all of these keys and values: a JSON object of texts.
+    /// Only ray sets whose metadata has all of these keys and values: a JSON object of strings.
     #[param(value_type = Option<String>, example = "{\"order\":\"4711\"}")]
     #[serde(default, deserialize_with = "Metadata::from_text")]
     pub metadata: Metadata,
-    /// Most entries to answer.
+    /// The largest number of entries in the answer.
     #[param(minimum = 1, maximum = 100, default = 20)]
     #[serde(default = "Page::default_limit")]
     pub limit: u32,
-    /// The `next` of the page before.
+    /// The value of `next` in the page before this one.
     pub after: Option<String>,
 }
 
@@ -93,7 +94,7 @@ pub fn announcement(name: Option<String>, headers: &HeaderMap, nameless: &str) -
         return Err(Problem::media_type(format!("The body is {media_type:?}."), SEND_THE_FILE));
     }
     let byte_count = match text(header::CONTENT_LENGTH).map(str::parse) {
-        Some(Err(_)) => return Err(Problem::malformed_header("Content-Length", "It is not a number.")),
+        Some(Err(_)) => return Err(Problem::malformed_header("Content-Length", "The value is not a number.")),
         Some(Ok(bytes)) => Some(bytes),
         None => None,
     };

@@ -120,7 +120,7 @@ impl Queue {
             transaction.rollback().await?;
             return Ok(Tried::Busy);
         };
-        let Some(held) = self.memory.hold(row.count("needed_bytes")?) else {
+        let Some(memory) = self.memory.reserve(row.count("needed_bytes")?) else {
             transaction.rollback().await?;
             return Ok(Tried::Full);
         };
@@ -137,7 +137,7 @@ impl Queue {
             attempt: row.number("attempt")?,
             options: row.text("options")?,
             timeout: timeout_ms.unwrap_or(self.longest).min(self.longest),
-            held,
+            memory,
         }))
     }
 }

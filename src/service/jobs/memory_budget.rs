@@ -41,7 +41,7 @@ pub struct TooLarge {
 
 /// A job's share of it; given back when the last clone is dropped.
 #[derive(Clone, Debug, Default)]
-pub struct Held {
+pub struct MemoryReservation {
     _share: Option<Arc<Share>>,
 }
 
@@ -71,7 +71,7 @@ impl Memory {
     ///
     /// # Errors
     /// It cannot.
-    pub fn admit(&self, needed_bytes: u64) -> Result<(), TooLarge> {
+    pub fn check_fits(&self, needed_bytes: u64) -> Result<(), TooLarge> {
         let limit_bytes = self.limit_bytes;
         if needed_bytes > limit_bytes { Err(TooLarge { needed_bytes, limit_bytes }) } else { Ok(()) }
     }
@@ -82,14 +82,14 @@ impl Memory {
     }
 
     /// Takes `bytes` of what is left; `None` when less is. To be asked in one's turn.
-    pub fn hold(&self, bytes: u64) -> Option<Held> {
+    pub fn reserve(&self, bytes: u64) -> Option<MemoryReservation> {
         let used = self.used_bytes.load(Ordering::Relaxed);
         let fits = used.saturating_add(bytes) <= self.limit_bytes;
         self.metrics.waits_for_memory(!fits);
         fits.then(|| {
             self.used_bytes.fetch_add(bytes, Ordering::Relaxed);
             self.metrics.job_memory(bytes.cast_signed());
-            Held { _share: Some(Arc::new(Share { bytes, memory: self.clone() })) }
+            MemoryReservation { _share: Some(Arc::new(Share { bytes, memory: self.clone() })) }
         })
     }
 
@@ -116,15 +116,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_held_is_not_given_twice_and_comes_back() {
+    fn reserved_memory_is_not_given_twice_and_comes_back() {
         let memory = Memory::new(100, Metrics::new());
-        let first = memory.hold(60).unwrap();
-        assert!(memory.hold(41).is_none() && memory.hold(u64::MAX).is_none());
-        let second = memory.hold(40).unwrap();
+        let first = memory.reserve(60).unwrap();
+        assert!(memory.reserve(41).is_none() && memory.reserve(u64::MAX).is_none());
+        let second = memory.reserve(40).unwrap();
         assert_eq!(memory.used_bytes(), 100);
         let also_first = first.clone();
         drop(first);
-        assert!(memory.hold(1).is_none(), "somebody still works with it");
+        assert!(memory.reserve(1).is_none(), "somebody still works with it");
         drop((also_first, second));
         assert_eq!(memory.used_bytes(), 0);
     }

@@ -35,7 +35,7 @@ use crate::failure::StoredNotice;
 use pipeline::Notice;
 use serde::{Deserialize, Serialize};
 
-/// Where a job is.
+/// State of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum State {
@@ -51,7 +51,7 @@ pub enum State {
     Cancelled,
 }
 
-/// Before which of its tenant's other jobs a job comes.
+/// Priority of a job among the queued jobs of its tenant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Priority {

@@ -5,84 +5,84 @@ use pipeline::Axis;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-/// Everything a client may choose.
+/// Options of the computation.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct JobOptions {
-    /// How rays are read.
+    /// How the rays are read.
     #[schema(nullable)]
     pub rays: RaysOptions,
-    /// How emission points become a surface.
+    /// How the emission points become a surface.
     #[schema(nullable)]
     pub hull: HullOptions,
-    /// How rays are laid on the surface.
+    /// How the rays are assigned to the surface.
     #[schema(nullable)]
     pub flux: FluxOptions,
-    /// How zones and their goniograms are made.
+    /// How the zones and their goniograms are computed.
     #[schema(nullable)]
     pub goniogram: GoniogramOptions,
-    /// How results are written.
+    /// How the artifacts are written.
     #[schema(nullable)]
     pub artifacts: ArtifactsOptions,
 }
 
-/// How rays are read.
+/// How the rays are read.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct RaysOptions {
-    /// Edges of the spectral bands, nm: 2 to 4097, positive, strictly increasing. Default: 380 to 780 in 10 nm, wider
-    /// where the rays are.
+    /// Edges of the spectral bands, nm: 2 to 4097 values, positive, strictly increasing. Default: 380 to 780 in steps of 10,
+    /// extended to the wavelengths of the rays.
     #[schema(min_items = 2, max_items = 4097, example = json!([380.0, 480.0, 580.0, 680.0, 780.0]))]
     pub band_edges_nm: Option<Vec<f64>>,
 }
 
-/// How emission points become a surface.
+/// How the emission points become a surface.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct HullOptions {
-    /// Where light is taken to start. Default: origins.
+    /// Which points of the rays are taken as the emitting surface. Default: origins.
     pub emission: Option<Emission>,
-    /// Cells along the longest edge of the emission's box. Default: from the number of rays.
+    /// Number of cells along the longest edge of the bounding box of the emission. Default: follows from the number of rays.
     #[schema(minimum = 4, maximum = 256)]
     pub resolution: Option<u32>,
-    /// Longest edge of a stitched or filled triangle, mm. Default: from the cell size.
+    /// Longest edge of a stitched or filled triangle, mm. Default: follows from the cell size.
     #[schema(exclusive_minimum = 0.0)]
     pub max_edge_mm: Option<f64>,
 }
 
-/// How rays are laid on the surface.
+/// How the rays are assigned to the surface.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct FluxOptions {
-    /// Smooths the exitance. Default: true.
+    /// Whether the exitance is smoothed. Default: true.
     pub smoothing: Option<bool>,
 }
 
-/// How zones and their goniograms are made.
+/// How the zones and their goniograms are computed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct GoniogramOptions {
-    /// The zone lattice. Default: from the density of the rays, at most 16 zones.
+    /// The lattice of zones. Default: follows from the density of the rays, at most 16 zones.
     pub zones: Option<Zones>,
-    /// The source axis at γ = 0. Default: the one nearest the direction of maximum intensity.
+    /// The source axis that points to γ = 0. Default: the axis nearest to the direction of maximum intensity.
     pub nadir_axis: Option<AxisName>,
-    /// The source axis at C0; not the nadir's own. Default: the next one in cyclic order.
+    /// The source axis that points to C0; must not be parallel to `nadir_axis`. Default: the next axis in cyclic order.
     pub c0_axis: Option<AxisName>,
-    /// Step of γ, degrees; divides 180. Default: from the beam's width.
+    /// Step of the γ angle, degrees; must divide 180. Default: follows from the beam width.
     #[schema(minimum = 0.5, maximum = 30)]
     pub gamma_step_deg: Option<f64>,
-    /// Step of C, degrees; divides 360. Default: 10.
+    /// Step of the C angle, degrees; must divide 360. Default: 10.
     #[schema(minimum = 1, maximum = 90)]
     pub c_step_deg: Option<f64>,
-    /// Smooths on the grid. Default: true.
+    /// Whether the intensities are smoothed on the angular grid. Default: true.
     pub smoothing: Option<bool>,
 }
 
-/// How results are written.
+/// How the artifacts are written.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ArtifactsOptions {
-    /// Where vertex spectra go in the glTF. Default: auto.
+    /// Where the glTF file has the vertex spectra. Default: auto.
     pub spectra: Option<Spectra>,
     /// Edition of the IES files. Default: LM-63-2002.
     pub ies_edition: Option<IesEdition>,
@@ -100,7 +100,7 @@ pub struct Zones {
     pub rows: u32,
 }
 
-/// Where light is taken to start.
+/// Which points of the rays are taken as the emitting surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Emission {
@@ -126,7 +126,7 @@ pub enum AxisName {
     NegZ,
 }
 
-/// Where vertex spectra go in the glTF.
+/// Where the glTF file has the vertex spectra.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Spectra {

@@ -87,7 +87,7 @@ async fn announced(transaction: &mut Transaction, jobs: Statement) -> Result<usi
             Ok(ended) => ended,
             Err(error) => {
                 // One row that cannot be read must not keep all others from being told.
-                tracing::error!(%error, "the end of a job cannot be told");
+                tracing::error!(%error, "cannot write the message about the end of a job");
                 continue;
             }
         };
@@ -109,16 +109,16 @@ async fn announced(transaction: &mut Transaction, jobs: Statement) -> Result<usi
     Ok(jobs.len())
 }
 
-/// A job that has ended, as endpoints hear of it; the links lead to the rest.
+/// A job that has ended, as webhooks receive it; the links lead to the rest.
 #[derive(Serialize, utoipa::ToSchema)]
 pub struct EndedJob {
     /// Its identifier.
     id: String,
-    /// How it has ended.
+    /// State in which the job ended.
     state: State,
     /// How often it was begun.
     attempt: i64,
-    /// Why it failed, if it did: as the job tells.
+    /// Why the job failed, as in the job itself; null if it did not.
     #[schema(value_type = Option<Object>)]
     problem: Option<Failure>,
     /// The client's own keys and values.
@@ -127,21 +127,21 @@ pub struct EndedJob {
     created_ms: i64,
     /// When it was last begun, epoch ms.
     started_ms: Option<i64>,
-    /// When it ended, epoch ms.
+    /// When the job ended, epoch ms.
     finished_ms: i64,
     /// Where things are.
     links: EndedLinks,
 }
 
-/// Where an ended job's things are, on the service that tells of it.
+/// Addresses that belong to an ended job.
 #[derive(Serialize, utoipa::ToSchema)]
 pub struct EndedLinks {
-    /// Itself.
+    /// Address of this object.
     #[serde(rename = "self")]
     this: String,
-    /// The list of its artifacts; null unless it has succeeded.
+    /// List of the artifacts; null unless the job has succeeded.
     artifacts: Option<String>,
-    /// All of them in one zip; null unless it has succeeded.
+    /// Zip file of all artifacts; null unless the job has succeeded.
     zip: Option<String>,
 }
 

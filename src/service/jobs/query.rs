@@ -56,13 +56,13 @@ pub struct Job {
     pub created_ms: i64,
     /// When it was last begun, epoch ms.
     pub started_ms: Option<i64>,
-    /// When it ended, epoch ms.
+    /// When the job ended, epoch ms.
     pub finished_ms: Option<i64>,
 }
 
 /// How far a job is: what changes while it is watched.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Standing {
+pub struct JobStatus {
     /// Where it is.
     pub state: State,
     /// How often it was begun.
@@ -79,7 +79,7 @@ pub struct Standing {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stamp {
     /// How far it is.
-    pub standing: Standing,
+    pub status: JobStatus,
     /// Somebody asked to cancel it.
     pub cancel_requested: bool,
     /// Before which of its tenant's other jobs it comes.
@@ -88,21 +88,21 @@ pub struct Stamp {
     pub timeout_s: Option<u32>,
     /// When it was last begun, epoch ms.
     pub started_ms: Option<i64>,
-    /// When it ended, epoch ms.
+    /// When the job ended, epoch ms.
     pub finished_ms: Option<i64>,
 }
 
 impl From<&Job> for Stamp {
     fn from(job: &Job) -> Stamp {
         let Job { cancel_requested, priority, timeout_s, started_ms, finished_ms, .. } = *job;
-        Stamp { standing: Standing::from(job), cancel_requested, priority, timeout_s, started_ms, finished_ms }
+        Stamp { status: JobStatus::from(job), cancel_requested, priority, timeout_s, started_ms, finished_ms }
     }
 }
 
-impl From<&Job> for Standing {
-    fn from(job: &Job) -> Standing {
+impl From<&Job> for JobStatus {
+    fn from(job: &Job) -> JobStatus {
         let Job { state, attempt, stage, stage_progress, queue_position, .. } = *job;
-        Standing { state, attempt, stage, stage_progress, queue_position }
+        JobStatus { state, attempt, stage, stage_progress, queue_position }
     }
 }
 
@@ -285,7 +285,7 @@ pub async fn stamps(records: &Records, ids: &[String]) -> Result<HashMap<String,
 
 fn stamp(row: &Row) -> Result<Stamp, Error> {
     Ok(Stamp {
-        standing: standing(row)?,
+        status: status(row)?,
         cancel_requested: row.number("cancel_requested")? != 0,
         priority: Priority::from_number(row.number("priority")?).unwrap_or_default(),
         timeout_s: row.optional_number("timeout_ms")?.and_then(|ms| u32::try_from(ms / 1000).ok()),
@@ -294,11 +294,11 @@ fn stamp(row: &Row) -> Result<Stamp, Error> {
     })
 }
 
-fn standing(row: &Row) -> Result<Standing, Error> {
+fn status(row: &Row) -> Result<JobStatus, Error> {
     let state = row.text("state")?;
     let state = State::parse(&state).ok_or_else(|| Error::fault(format!("job state {state:?}")))?;
     let stage = row.optional_text("stage")?;
-    Ok(Standing {
+    Ok(JobStatus {
         state,
         attempt: u32::try_from(row.number("attempt")?).unwrap_or(0),
         stage: stage.and_then(|name| Stage::ALL.into_iter().find(|stage| stage.name() == name)),
@@ -351,8 +351,8 @@ pub async fn artifact_named(records: &Records, id: &str, name: &str) -> Result<O
 
 async fn job(records: &Records, row: &Row) -> Result<Job, Error> {
     let id = row.text("id")?;
-    let Stamp { standing, cancel_requested, priority, timeout_s, started_ms, finished_ms } = stamp(row)?;
-    let Standing { state, attempt, stage, stage_progress, queue_position } = standing;
+    let Stamp { status, cancel_requested, priority, timeout_s, started_ms, finished_ms } = stamp(row)?;
+    let JobStatus { state, attempt, stage, stage_progress, queue_position } = status;
     let failure = row.optional_text("failure")?;
     Ok(Job {
         channels: channels(records, &id).await?,

@@ -3,8 +3,8 @@
 //! zero rows changed means that the lease was lost and the result is nobody's.
 
 pub use super::error::Error;
-use super::estimate::{Prospect, prospect};
-use super::memory_budget::{Held, Memory};
+use super::estimate::{JobPlan, plan};
+use super::memory_budget::{Memory, MemoryReservation};
 use super::query::StoredArtifact;
 use super::recent::Recent;
 use super::request::NewJob;
@@ -40,7 +40,7 @@ pub struct Claim {
     /// Longest that this attempt may take.
     pub timeout: Duration,
     /// Its memory.
-    pub held: Held,
+    pub memory: MemoryReservation,
 }
 
 impl Claim {
@@ -50,13 +50,13 @@ impl Claim {
     }
 }
 
-/// What a beat brings back.
+/// What the worker of a job learns when it renews the lease.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Beat {
-    /// Go on.
-    Go,
+pub enum Lease {
+    /// The lease is renewed: go on.
+    Held,
     /// A client asked to cancel.
-    Cancel,
+    CancelRequested,
     /// The lease is another's; stop, and keep nothing.
     Lost,
 }
@@ -93,9 +93,9 @@ pub(super) struct Change<'a> {
 
 impl Drop for Change<'_> {
     fn drop(&mut self) {
-        self.queue.recent.forget(self.tenant, self.id);
+        self.queue.recent.invalidate(self.tenant, self.id);
         if self.moves_line {
-            self.queue.recent.forget_line(self.tenant);
+            self.queue.recent.invalidate_waiting(self.tenant);
         }
         self.queue.changes.send_replace(());
     }
@@ -152,9 +152,9 @@ impl Queue {
     /// What a job of `tenant` will be.
     ///
     /// # Errors
-    /// As [`prospect`].
-    pub async fn prospect(&self, tenant: &str, new: &NewJob) -> Result<Prospect, Error> {
-        prospect(&self.storage.records, tenant, new, self.threads).await
+    /// As [`plan`](super::estimate::plan).
+    pub async fn plan(&self, tenant: &str, new: &NewJob) -> Result<JobPlan, Error> {
+        plan(&self.storage.records, tenant, new, self.threads).await
     }
 
     /// What this process's jobs may need together.
@@ -196,7 +196,7 @@ impl Queue {
     /// This process has changed so many jobs, whose names it does not know.
     pub(super) fn changed_some(&self, count: u64) -> bool {
         if count > 0 {
-            self.recent.forget_all();
+            self.recent.invalidate_all();
             self.changes.send_replace(());
         }
         count > 0
@@ -206,19 +206,24 @@ impl Queue {
     ///
     /// # Errors
     /// The database did not answer.
-    pub async fn beat(&self, claim: &Claim, stage: Option<&str>, progress: f64) -> Result<Beat, storage::Error> {
-        let beat = "UPDATE jobs SET lease_until_ms = {now} + $1, stage = $2, stage_progress = $3 \
+    pub async fn renew_lease(
+        &self,
+        claim: &Claim,
+        stage: Option<&str>,
+        progress: f64,
+    ) -> Result<Lease, storage::Error> {
+        let renew = "UPDATE jobs SET lease_until_ms = {now} + $1, stage = $2, stage_progress = $3 \
                     WHERE id = $4 AND fence = $5 AND state = 'running' RETURNING cancel_requested";
-        let beat = sql(beat).bind(self.lease_ms).bind(stage).bind(progress);
+        let renew = sql(renew).bind(self.lease_ms).bind(stage).bind(progress);
         // Nobody's place in the line is another for it.
         let _change = Change { queue: self, tenant: &claim.tenant, id: &claim.id, moves_line: false };
         let mut transaction = self.storage.records.begin().await?;
-        let rows = transaction.read(beat.bind(claim.id.as_str()).bind(claim.fence)).await?;
+        let rows = transaction.read(renew.bind(claim.id.as_str()).bind(claim.fence)).await?;
         transaction.commit().await?;
         match rows.first() {
-            None => Ok(Beat::Lost),
-            Some(row) if row.number("cancel_requested")? != 0 => Ok(Beat::Cancel),
-            Some(_) => Ok(Beat::Go),
+            None => Ok(Lease::Lost),
+            Some(row) if row.number("cancel_requested")? != 0 => Ok(Lease::CancelRequested),
+            Some(_) => Ok(Lease::Held),
         }
     }
 
@@ -316,7 +321,7 @@ impl Queue {
         Ok(self.storage.records.write(sql(release).bind(claim.id.as_str()).bind(claim.fence)).await? > 0)
     }
 
-    /// Asks to cancel: a queued job ends at once, a running one at its worker's next beat.
+    /// Asks to cancel: a queued job ends at once, a running one at its worker's next renewal of its lease.
     ///
     /// # Errors
     /// [`Error::Missing`]; [`Error::State`] when it has ended; [`Error::Storage`].

@@ -30,7 +30,7 @@ impl Queue {
         let failure = json(&Failure::too_large(self.memory.limit_bytes()))?;
         let failed = self.storage.records.write(self.machine(sql(give_up).bind(failure))).await?;
         if self.changed_some(failed) {
-            tracing::warn!(jobs = failed, "failed jobs that need more memory than there is");
+            tracing::warn!(jobs = failed, "jobs failed: they need more memory than this service has");
         }
         Ok(())
     }
@@ -50,7 +50,7 @@ impl Queue {
         let swept = self.storage.records.write(sweep.bind(format!("{}.%", self.process))).await?;
         if self.changed_some(swept) {
             self.metrics.leases_lost(swept);
-            tracing::warn!(jobs = swept, "took back jobs of lost workers");
+            tracing::warn!(jobs = swept, "jobs of lost workers were put back into the queue");
         }
         Ok(())
     }

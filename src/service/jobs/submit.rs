@@ -2,7 +2,7 @@
 //! All of it in one transaction, which holds the tenant's row: two requests at once come one after the other.
 
 use super::error::Error;
-use super::estimate::Prospect;
+use super::estimate::JobPlan;
 use super::memory_budget::needed;
 use super::queue::{Queue, json};
 use super::request::{Channel, NewJob};
@@ -83,20 +83,15 @@ impl Queue {
     /// [`Error::KeyReused`] for another request, [`Error::KeySpent`] when its job was deleted, [`Error::Storage`].
     pub async fn answered(&self, tenant: &str, keyed: &Keyed) -> Result<Option<Queued>, Error> {
         let row = self.storage.records.read_one(find(tenant, keyed)).await?;
-        row.map(|row| told(&row, keyed)).transpose()
+        row.map(|row| remembered(&row, keyed)).transpose()
     }
 
     /// The job that `new` would be answered with, if there is one.
     ///
     /// # Errors
     /// The database did not answer.
-    pub async fn equal(
-        &self,
-        tenant: &str,
-        new: &NewJob,
-        prospect: &Prospect,
-    ) -> Result<Option<String>, storage::Error> {
-        let Some(content) = prospect.content_sha256.as_deref().filter(|_| new.reuse) else { return Ok(None) };
+    pub async fn equal(&self, tenant: &str, new: &NewJob, plan: &JobPlan) -> Result<Option<String>, storage::Error> {
+        let Some(content) = plan.content_sha256.as_deref().filter(|_| new.reuse) else { return Ok(None) };
         let row = self.storage.records.read_one(self.as_equal(EQUAL, tenant, content, new)?).await?;
         row.map(|row| row.text("id")).transpose()
     }
@@ -109,11 +104,11 @@ impl Queue {
         &self,
         tenant: &str,
         new: &NewJob,
-        prospect: &Prospect,
+        plan: &JobPlan,
         keyed: Option<&Keyed>,
     ) -> Result<Queued, Error> {
         let mut transaction = self.storage.records.begin().await?;
-        let queued = match self.enqueue_in(&mut transaction, tenant, new, prospect, keyed).await {
+        let queued = match self.enqueue_in(&mut transaction, tenant, new, plan, keyed).await {
             Ok(queued) => queued,
             Err(failed @ Error::Storage(_)) => return Err(failed),
             Err(refused) => {
@@ -136,21 +131,21 @@ impl Queue {
         transaction: &mut Transaction,
         tenant: &str,
         new: &NewJob,
-        prospect: &Prospect,
+        plan: &JobPlan,
         keyed: Option<&Keyed>,
     ) -> Result<Queued, Error> {
-        let held = self.quota.hold(transaction, tenant).await?;
+        let usage = self.quota.lock(transaction, tenant).await?;
         if let Some(keyed) = keyed
             && let Some(row) = transaction.read(find(tenant, keyed)).await?.first()
         {
-            return told(row, keyed);
+            return remembered(row, keyed);
         }
-        let queued = match self.reused(transaction, tenant, new, prospect).await? {
+        let queued = match self.reused(transaction, tenant, new, plan).await? {
             Some(id) => Queued { id, reused: true },
             None => {
-                held.admit_job()?;
-                self.memory.admit(prospect.memory_bytes)?;
-                Queued { id: self.insert(transaction, tenant, new, prospect).await?, reused: false }
+                usage.check_job()?;
+                self.memory.check_fits(plan.memory_bytes)?;
+                Queued { id: self.insert(transaction, tenant, new, plan).await?, reused: false }
             }
         };
         if let Some(keyed) = keyed {
@@ -176,9 +171,9 @@ impl Queue {
         transaction: &mut Transaction,
         tenant: &str,
         new: &NewJob,
-        prospect: &Prospect,
+        plan: &JobPlan,
     ) -> Result<Option<String>, storage::Error> {
-        let Some(content) = prospect.content_sha256.as_deref().filter(|_| new.reuse) else { return Ok(None) };
+        let Some(content) = plan.content_sha256.as_deref().filter(|_| new.reuse) else { return Ok(None) };
         let reuse = self.as_equal(REUSE, tenant, content, new)?.bind(new.priority.number());
         transaction.read(reuse).await?.first().map(|row| row.text("id")).transpose()
     }
@@ -188,7 +183,7 @@ impl Queue {
         transaction: &mut Transaction,
         tenant: &str,
         new: &NewJob,
-        prospect: &Prospect,
+        plan: &JobPlan,
     ) -> Result<String, Error> {
         let id = new_id();
         let insert = "INSERT INTO jobs (tenant, id, state, options, attempt, max_attempts, fence, cancel_requested, \
@@ -200,10 +195,10 @@ impl Queue {
         let total = new.total.as_ref().map(json).transpose()?;
         let insert = insert.bind(i64::from(self.max_attempts)).bind(total.as_deref());
         let insert = insert.bind(new.priority.number()).bind(timeout_ms(new));
-        let threads = i64::try_from(prospect.memory_threads).unwrap_or(i64::MAX);
-        let insert = insert.bind(prospect.memory_bytes.cast_signed()).bind(threads);
-        let insert = insert.bind(prospect.thread_bytes.cast_signed()).bind(prospect.ray_count.cast_signed());
-        let insert = insert.bind(prospect.content_sha256.as_deref()).bind(rows::written(&new.metadata)?);
+        let threads = i64::try_from(plan.memory_threads).unwrap_or(i64::MAX);
+        let insert = insert.bind(plan.memory_bytes.cast_signed()).bind(threads);
+        let insert = insert.bind(plan.thread_bytes.cast_signed()).bind(plan.ray_count.cast_signed());
+        let insert = insert.bind(plan.content_sha256.as_deref()).bind(rows::written(&new.metadata)?);
         transaction.write(insert).await?;
         rows::of_job(transaction, tenant, &id, &new.metadata).await?;
         for (position, channel) in new.channels.iter().enumerate() {
@@ -216,12 +211,12 @@ impl Queue {
     ///
     /// # Errors
     /// The database did not answer.
-    pub async fn forget_keys(&self) -> Result<u64, storage::Error> {
+    pub async fn delete_old_keys(&self) -> Result<u64, storage::Error> {
         // Said twice: a key that is used again while this statement waits for it is a new one.
-        let forget = "DELETE FROM idempotency_keys WHERE created_ms <= {now} - $1 AND (tenant, key) IN \
+        let delete = "DELETE FROM idempotency_keys WHERE created_ms <= {now} - $1 AND (tenant, key) IN \
                       (SELECT tenant, key FROM idempotency_keys WHERE created_ms <= {now} - $1 \
                        ORDER BY created_ms LIMIT $2)";
-        self.storage.records.write(sql(forget).bind(ms(KEY_LIFE)).bind(BATCH)).await
+        self.storage.records.write(sql(delete).bind(ms(KEY_LIFE)).bind(BATCH)).await
     }
 }
 
@@ -269,7 +264,7 @@ fn find(tenant: &str, keyed: &Keyed) -> Statement {
     sql(find).bind(tenant).bind(keyed.key.as_str()).bind(ms(KEY_LIFE))
 }
 
-fn told(row: &Row, keyed: &Keyed) -> Result<Queued, Error> {
+fn remembered(row: &Row, keyed: &Keyed) -> Result<Queued, Error> {
     if row.text("request_sha256")? != keyed.request_sha256 {
         return Err(Error::KeyReused(keyed.key.clone()));
     }

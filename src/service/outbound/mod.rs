@@ -42,7 +42,7 @@ pub enum Error {
     Url(String),
     /// The address is not the internet's.
     // Where it leads is the operator's business: names of an inner network are not to be looked up through us.
-    #[error("{host} does not lead to an address of the internet")]
+    #[error("the host {host} has no public internet address")]
     Refused {
         /// Who was asked for.
         host: String,
@@ -53,7 +53,7 @@ pub enum Error {
     #[error("{0}")]
     Unreachable(String),
     /// It leads on and on.
-    #[error("more than {MAX_REDIRECTS} redirects")]
+    #[error("the server sent more than {MAX_REDIRECTS} redirects")]
     Redirects,
 }
 
@@ -130,7 +130,7 @@ impl Outbound {
         let Some((name, literal)) = host(&parsed) else { return wrong("the address names no host") };
         // The resolver is not asked about what is an address already.
         if let Some(address) = literal {
-            self.guard.admit(&name, address)?;
+            self.guard.check(&name, address)?;
         }
         let known = |exception: &Exception| match literal {
             Some(address) => exception.has_address(address),
@@ -233,7 +233,7 @@ fn unreachable(error: reqwest::Error) -> Error {
 
 /// Why nothing came, in words of ours: what libraries and the system say may tell of this machine. That is in the log.
 fn sentence(error: &reqwest::Error) -> String {
-    tracing::debug!(?error, "a request to elsewhere failed");
+    tracing::debug!(?error, "an outbound request failed");
     let mut cause: Option<&(dyn std::error::Error + 'static)> = Some(error);
     let mut words = None;
     // The last and most particular reason counts.
@@ -293,12 +293,12 @@ struct Guard {
 }
 
 impl Guard {
-    fn admit(&self, host: &str, address: IpAddr) -> Result<(), Error> {
+    fn check(&self, host: &str, address: IpAddr) -> Result<(), Error> {
         let known = |exception: &Exception| exception.has_address(address) || exception.has_host(host);
         match is_global(address) || self.exceptions.iter().any(known) {
             true => Ok(()),
             false => {
-                tracing::info!(host, %address, "an address is refused: it is not the internet's");
+                tracing::info!(host, %address, "an outbound request was refused: the host has no public internet address");
                 Err(Error::Refused { host: host.to_owned(), address })
             }
         }
@@ -311,12 +311,12 @@ impl Resolve for Guard {
         Box::pin(async move {
             let host = name.as_str().to_owned();
             let found = (guard.lookup)(host.clone()).await.map_err(|error| {
-                tracing::debug!(host, %error, "a name cannot be looked up");
-                Error::Unreachable(format!("the name {host} cannot be looked up"))
+                tracing::debug!(host, %error, "cannot resolve a host name");
+                Error::Unreachable(format!("the host name {host} cannot be resolved"))
             })?;
             // One bad address among good ones is no accident.
             for address in &found {
-                guard.admit(&host, *address)?;
+                guard.check(&host, *address)?;
             }
             let addresses: Addrs = Box::new(found.into_iter().map(|address| SocketAddr::new(address, 0)));
             Ok(addresses)
@@ -366,16 +366,16 @@ mod tests {
             ("file:///etc/passwd", "names no host"),
             ("https://user@example.org/", "a name or a password"),
             ("https://:secret@example.org/", "a name or a password"),
-            ("https://127.0.0.1/", "does not lead to an address of the internet"),
+            ("https://127.0.0.1/", "has no public internet address"),
             // Loopback, as browsers read it.
-            ("https://127.1/", "does not lead to an address of the internet"),
-            ("https://2130706433/", "does not lead to an address of the internet"),
-            ("https://0x7f.0.0.1/", "does not lead to an address of the internet"),
-            ("https://0177.0.0.1/", "does not lead to an address of the internet"),
-            ("https://１２７.0.0.1/", "does not lead to an address of the internet"),
-            ("https://[::ffff:7f00:1]/", "does not lead to an address of the internet"),
-            ("https://[::1]/", "does not lead to an address of the internet"),
-            ("https://169.254.169.254/latest/meta-data", "does not lead to an address of the internet"),
+            ("https://127.1/", "has no public internet address"),
+            ("https://2130706433/", "has no public internet address"),
+            ("https://0x7f.0.0.1/", "has no public internet address"),
+            ("https://0177.0.0.1/", "has no public internet address"),
+            ("https://１２７.0.0.1/", "has no public internet address"),
+            ("https://[::ffff:7f00:1]/", "has no public internet address"),
+            ("https://[::1]/", "has no public internet address"),
+            ("https://169.254.169.254/latest/meta-data", "has no public internet address"),
         ] {
             let error = outbound.judge(wrong).unwrap_err().to_string();
             assert!(error.contains(found), "{wrong}: {error}");
@@ -441,6 +441,6 @@ mod tests {
             Arc::new(|_| Box::pin(async { Err(io::Error::other("resolver 10.1.2.3 in /etc/resolv.conf failed")) }));
         let outbound = Outbound::with(Guard { exceptions: Arc::new([]), lookup: unknown });
         let told = said(&outbound, "https://rays.example/".into()).await;
-        assert_eq!(told, "the name rays.example cannot be looked up");
+        assert_eq!(told, "the host name rays.example cannot be resolved");
     }
 }

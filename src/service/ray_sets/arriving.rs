@@ -37,7 +37,7 @@ struct Come {
 }
 
 /// Where a byte is.
-enum Place {
+enum ByteLocation {
     /// In memory, so many bytes after the beginning of these.
     AtHand(Bytes, u64),
     /// In a stored part, whose number this is, so many bytes after its beginning.
@@ -45,15 +45,15 @@ enum Place {
 }
 
 impl Come {
-    fn place(&self, offset: u64) -> Option<Place> {
+    fn location(&self, offset: u64) -> Option<ByteLocation> {
         if let Some((start, bytes)) = self.at_hand.iter().rev().find(|(start, _)| *start <= offset) {
             let from = offset - start;
-            return (from < bytes.len() as u64).then(|| Place::AtHand(bytes.clone(), from));
+            return (from < bytes.len() as u64).then(|| ByteLocation::AtHand(bytes.clone(), from));
         }
         let number = self.stored.partition_point(|(start, _)| *start <= offset).checked_sub(1)?;
         let (start, part) = self.stored.get(number)?;
         let from = offset - start;
-        (from < part.byte_count).then(|| Place::Stored(number, part.clone(), from))
+        (from < part.byte_count).then(|| ByteLocation::Stored(number, part.clone(), from))
     }
 }
 
@@ -93,10 +93,10 @@ impl Arriving {
     }
 
     /// Waits until the byte at `offset` has come.
-    fn place(&self, offset: u64) -> io::Result<Place> {
+    fn location(&self, offset: u64) -> io::Result<ByteLocation> {
         let mut come = self.come();
         loop {
-            if let Some(place) = come.place(offset) {
+            if let Some(place) = come.location(offset) {
                 return Ok(place);
             }
             if come.stopped {
@@ -125,18 +125,18 @@ impl pipeline::Bytes for Arriving {
         }
         let (mut rest, mut offset) = (into, offset);
         while !rest.is_empty() {
-            let place = self.place(offset)?;
+            let place = self.location(offset)?;
             let there = match &place {
-                Place::AtHand(bytes, from) => bytes.len() as u64 - from,
-                Place::Stored(_, part, from) => part.byte_count - from,
+                ByteLocation::AtHand(bytes, from) => bytes.len() as u64 - from,
+                ByteLocation::Stored(_, part, from) => part.byte_count - from,
             };
             let length = usize::try_from(there).unwrap_or(usize::MAX).min(rest.len());
             let (now, later) = rest.split_at_mut(length);
             match place {
-                Place::AtHand(bytes, from) => {
+                ByteLocation::AtHand(bytes, from) => {
                     now.copy_from_slice(bytes.get(from as usize..).and_then(|it| it.get(..length)).unwrap_or_default());
                 }
-                Place::Stored(number, part, from) => self.reader.read(number, &part, from, now)?,
+                ByteLocation::Stored(number, part, from) => self.reader.read(number, &part, from, now)?,
             }
             offset += length as u64;
             rest = later;

@@ -14,13 +14,13 @@ pub enum Error {
     #[error("more than {0} bytes")]
     TooLarge(u64),
     /// No bytes.
-    #[error("no bytes")]
+    #[error("the file is empty")]
     Empty,
     /// The sender stopped before its announced end.
     #[error("the body ended early: {0}")]
     Truncated(String),
     /// The bytes broke off, for a reason that is only for the log.
-    #[error("the body broke off: {0}")]
+    #[error("the body was interrupted: {0}")]
     Broken(String),
     /// The sender was too slow, or fell silent.
     #[error(transparent)]
@@ -40,13 +40,13 @@ pub enum Error {
     #[error(transparent)]
     Packed(pipeline::Error),
     /// A packed file without a ray file.
-    #[error("no ray file in it")]
+    #[error("the archive contains no ray file")]
     NoRayFile(Vec<LeftOut>),
     /// The tenant has no room for it.
     #[error(transparent)]
     Quota(#[from] Exceeded),
     /// Less room on the disk than is kept free.
-    #[error("the store has less room than it keeps free")]
+    #[error("the free storage space is below the reserved limit")]
     LowSpace,
     /// A store did not answer.
     #[error(transparent)]
@@ -64,7 +64,7 @@ pub fn in_query(error: pipeline::Error) -> pipeline::Error {
         Refused(fault) => Refused(here(fault)),
         Unusable(fault) => {
             let fault = here(fault);
-            let example = "In the query of the upload: columns=x,y,z,l,m,n,flux.";
+            let example = "Write it in the query of the upload, as columns=x,y,z,l,m,n,flux.";
             Unusable(Fault { remedy: format!("{} {example}", fault.remedy), ..fault })
         }
         other => other,

@@ -20,16 +20,16 @@ const GONE: &str = "the client went away";
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// Addresses are not asked here.
-    #[error("this service fetches nothing from addresses")]
+    #[error("this service does not fetch files from URLs")]
     Off,
     /// Not in a bucket that the operator has named.
-    #[error("{0} is in none of the buckets that this service may read")]
+    #[error("{0} is not in a bucket that this service may read")]
     Bucket(String),
     /// Not in its bucket.
     #[error("there is no object {0}")]
     Missing(String),
     /// An answer that is no file.
-    #[error("the answer was {0}")]
+    #[error("the server answered with status {0}")]
     Status(u16),
     /// It broke off.
     #[error("{0}")]
@@ -144,8 +144,8 @@ impl Coming {
 
 /// What a client is told when a bucket stops in the middle of an object: how the bucket is reached is the operator's business.
 fn broke_off(error: &storage::Error) -> String {
-    tracing::warn!(%error, "an object of a bucket broke off");
-    "the bucket gave only a part of it".to_owned()
+    tracing::warn!(%error, "the transfer of an object from a bucket was interrupted");
+    "the bucket sent only a part of the object".to_owned()
 }
 
 /// `body` until `gone`, which is no end of it.

@@ -47,7 +47,7 @@ struct Kind {
 }
 
 /// A place for one file. Dropped, it is free.
-struct Place {
+struct InspectionPlace {
     kind: Kind,
     threads: Option<ThreadPool>,
     _taken: OwnedSemaphorePermit,
@@ -75,17 +75,17 @@ impl Kind {
     }
 
     /// A place that is free now.
-    fn free(&self) -> Option<Place> {
+    fn free(&self) -> Option<InspectionPlace> {
         Some(self.place(Arc::clone(&self.free).try_acquire_owned().ok()?))
     }
 
     /// A place, as soon as one is free.
-    async fn wait(&self) -> Option<Place> {
+    async fn wait(&self) -> Option<InspectionPlace> {
         Some(self.place(Arc::clone(&self.free).acquire_owned().await.ok()?))
     }
 
-    fn place(&self, taken: OwnedSemaphorePermit) -> Place {
-        Place { kind: self.clone(), threads: self.idle().pop(), _taken: taken }
+    fn place(&self, taken: OwnedSemaphorePermit) -> InspectionPlace {
+        InspectionPlace { kind: self.clone(), threads: self.idle().pop(), _taken: taken }
     }
 
     fn idle(&self) -> MutexGuard<'_, Vec<ThreadPool>> {
@@ -93,7 +93,7 @@ impl Kind {
     }
 }
 
-impl Place {
+impl InspectionPlace {
     /// Does `work` wholly on the threads of this place.
     fn run<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
         match &self.threads {
@@ -104,7 +104,7 @@ impl Place {
     }
 }
 
-impl Drop for Place {
+impl Drop for InspectionPlace {
     fn drop(&mut self) {
         self.kind.idle().extend(self.threads.take());
     }
@@ -119,17 +119,17 @@ pub struct Described {
 }
 
 /// What must be known of a file to inspect it while it comes.
-pub struct Prospect {
+pub struct ExpectedFile {
     name: String,
     declared: FileDeclaration,
     gone: CancellationToken,
 }
 
-impl Prospect {
+impl ExpectedFile {
     /// Of a file that is announced.
-    pub fn of(announcement: &Announcement) -> Prospect {
+    pub fn of(announcement: &Announcement) -> ExpectedFile {
         let Announcement { name, declared, gone, .. } = announcement.clone();
-        Prospect { name, declared, gone }
+        ExpectedFile { name, declared, gone }
     }
 }
 
@@ -172,13 +172,13 @@ impl Places {
     /// to be inspected afterwards.
     pub fn inspect_as_it_comes(
         &self,
-        prospect: Prospect,
+        expected: ExpectedFile,
         blobs: Blobs,
         byte_count: u64,
         limits: Limits,
     ) -> Option<Inspecting> {
         let place = self.arriving.free()?;
-        let Prospect { name, declared, gone } = prospect;
+        let ExpectedFile { name, declared, gone } = expected;
         let arriving = Arc::new(Arriving::new(blobs, byte_count, Handle::current()));
         let bytes = Arc::clone(&arriving);
         // Its digest is not known yet; what is found does not depend on it.

@@ -45,7 +45,7 @@ use error::in_query;
 pub use extent::Digests;
 use futures::Stream;
 pub use inspecting::Places;
-use inspecting::{Described, Prospect};
+use inspecting::{Described, ExpectedFile};
 use intake::Intake;
 use pace::Pace;
 use pipeline::Input;
@@ -59,7 +59,7 @@ use std::sync::Arc;
 use tokio::runtime::Handle;
 use tokio_util::sync::CancellationToken;
 
-/// What came of an upload.
+/// The result of an upload.
 #[derive(Clone, Debug)]
 pub struct Taken {
     /// The ray sets, one or more; they became known together.
@@ -86,14 +86,14 @@ impl Intake {
         let stored = match self.receive(&id, announcement, room, body).await {
             Ok(stored) => stored,
             Err(error) => {
-                self.forget(&id).await;
+                self.delete_blobs(&id).await;
                 return Err(error);
             }
         };
         let is_packed = stored.is_packed;
         let drafts = self.drafts(stored, declared, room, gone).await;
         if is_packed || drafts.is_err() {
-            self.forget(&id).await;
+            self.delete_blobs(&id).await;
         }
         let (mut drafts, left_out) = drafts?;
         drafts.iter_mut().for_each(|draft| draft.ray_set.metadata = metadata.clone());
@@ -101,11 +101,11 @@ impl Intake {
         // From here on the rows may be there, whatever the answer: only the sweep of garbage can tell.
         let known = rows::insert(&self.storage.records, tenant, self.quota, drafts).await;
         let known = known.inspect_err(|error| {
-            tracing::error!(upload = id, %error, "an upload may or may not be known; its blobs stay until they are swept");
+            tracing::error!(upload = id, %error, "the database failed while it stored an upload; its blobs stay until the garbage collection");
         })?;
         if known.is_err() {
             for id in &ids {
-                self.forget(id).await;
+                self.delete_blobs(id).await;
             }
         }
         Ok(Taken { ray_sets: known?, left_out })
@@ -130,9 +130,9 @@ impl Intake {
     }
 
     /// Deletes the blobs of a ray set that no row names. Should this fail too, the next start sweeps them.
-    pub(super) async fn forget(&self, id: &str) {
+    pub(super) async fn delete_blobs(&self, id: &str) {
         if let Err(error) = self.storage.blobs.delete_all(&ray_set_folder(id)).await {
-            tracing::warn!(ray_set = id, %error, "blobs of an unfinished upload stay until they are swept");
+            tracing::warn!(ray_set = id, %error, "cannot delete the blobs of an unfinished upload; the garbage collection will");
         }
     }
 
@@ -144,9 +144,9 @@ impl Intake {
         room: Room,
         body: impl Stream<Item = Result<Bytes, E>>,
     ) -> Result<Stored, Error> {
-        room.admit(announcement.byte_count.unwrap_or(1))?;
+        room.check(announcement.byte_count.unwrap_or(1))?;
         let spool = Spool::new(self, id, announcement.byte_count);
-        let mut spool = spool.inspected(Prospect::of(&announcement));
+        let mut spool = spool.inspected(ExpectedFile::of(&announcement));
         if let Err(error) = self.fill(&mut spool, room, body).await {
             // What is on its way must be there before it is deleted; the first error is told.
             let _ = spool.settle().await;
@@ -169,7 +169,7 @@ impl Intake {
         let (mut body, mut pace) = (pin!(body), Pace::new(self.slowest));
         while let Some(chunk) = pace.next(&mut body).await? {
             spool.push(&chunk.map_err(|error| Error::Broken(error.to_string()))?).await?;
-            room.admit(spool.byte_count())?;
+            room.check(spool.byte_count())?;
         }
         Ok(())
     }

@@ -17,7 +17,7 @@ pub struct Slowest {
 
 /// A body that came slower than the slowest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{bytes} bytes came within {} s", .interval.as_secs_f64())]
+#[error("only {bytes} bytes arrived within {} s", .interval.as_secs_f64())]
 pub struct TooSlow {
     /// Bytes that came,
     pub bytes: u64,

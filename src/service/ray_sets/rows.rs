@@ -55,7 +55,7 @@ const MOST_LEFT_OUT: usize = 100;
 /// A ray set to be: its parts are stored, its rows are not.
 #[derive(Clone, Debug)]
 pub struct Draft {
-    /// Itself.
+    /// Address of this object.
     pub ray_set: RaySet,
     /// Its parts, in order.
     pub parts: Vec<Part>,
@@ -116,7 +116,7 @@ pub async fn insert(
     for draft in new {
         known.push(insert_one(&mut transaction, tenant, draft).await?);
     }
-    if let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await? {
+    if let Err(exceeded) = quota.check_bytes(&mut transaction, tenant).await? {
         transaction.rollback().await?;
         return Ok(Err(exceeded));
     }
@@ -261,13 +261,13 @@ pub async fn delete(records: &Records, tenant: &str, id: &str) -> Result<Deletio
     Ok(if get(records, tenant, id).await?.is_some() { Deletion::Needed } else { Deletion::Missing })
 }
 
-/// A file in a packed one that is no ray set, and why.
+/// A file in an archive that was not made a ray set, and why.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct LeftOut {
-    /// Its name in the packed file.
+    /// Name of the file in the archive.
     pub name: String,
-    /// Stable: programs may depend on it.
+    /// Stable code: programs may depend on it.
     pub code: String,
-    /// What was found, and what to do.
+    /// Why it was left out, and what to do.
     pub detail: String,
 }

@@ -4,8 +4,8 @@
 use super::buffers::Buffer;
 use super::error::Error;
 use super::extent::{Digests, Extent};
+use super::inspecting::ExpectedFile;
 use super::inspecting::Inspecting;
-use super::inspecting::Prospect;
 use super::intake::Intake;
 use crate::storage::blobs::Blobs;
 use crate::storage::keys::ray_set_folder;
@@ -39,7 +39,7 @@ pub struct Spool<'a> {
     judged: bool,
     is_packed: bool,
     /// What an inspection needs that begins before the file is there, until it does.
-    prospect: Option<Prospect>,
+    expected: Option<ExpectedFile>,
     inspecting: Option<Inspecting>,
 }
 
@@ -84,7 +84,7 @@ impl<'a> Spool<'a> {
             stored: Extent::of_one_request(),
             judged: false,
             is_packed: false,
-            prospect: None,
+            expected: None,
             inspecting: None,
         }
     }
@@ -99,8 +99,8 @@ impl<'a> Spool<'a> {
     }
 
     /// Inspects the file while it comes, where that is possible.
-    pub fn inspected(self, prospect: Prospect) -> Spool<'a> {
-        Spool { prospect: Some(prospect), ..self }
+    pub fn inspected(self, expected: ExpectedFile) -> Spool<'a> {
+        Spool { expected: Some(expected), ..self }
     }
 
     /// Judges nothing: a piece of a file begins anywhere in it.
@@ -234,11 +234,11 @@ impl<'a> Spool<'a> {
 
     /// Shows a part to whoever inspects the file as it comes; the first one begins that, when there are more to come.
     fn inspect(&mut self, bytes: &Bytes) {
-        if let (Some(prospect), false, Some(announced)) = (self.prospect.take(), self.is_packed, self.announced)
+        if let (Some(expected), false, Some(announced)) = (self.expected.take(), self.is_packed, self.announced)
             && announced > bytes.len() as u64
         {
             let Intake { inspections, storage, limits, .. } = self.intake;
-            self.inspecting = inspections.inspect_as_it_comes(prospect, storage.blobs.clone(), announced, *limits);
+            self.inspecting = inspections.inspect_as_it_comes(expected, storage.blobs.clone(), announced, *limits);
         }
         if let Some(inspecting) = &self.inspecting {
             inspecting.has_come(bytes.clone());

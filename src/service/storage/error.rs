@@ -61,14 +61,13 @@ impl Unusable {
             }
             Unusable::Foreign(_) => "Name another file with --database-url, or another folder with --data.",
             Unusable::Missing(_) => {
-                "Name the right file with --database-url; with mode=rwc in place of mode=rw it is made."
+                "Name the right file with --database-url; with mode=rwc instead of mode=rw the service creates it."
             }
             Unusable::Newer { .. } => "Start the newer version, or restore a backup from before it was first started.",
             Unusable::OtherBlobs => {
-                "Name the database that was used with this store before, with --database-url or --data; or an empty store, with \
-                 --storage-url."
+                "Name the database that was used with this object store before, with --database-url or --data; or name an empty object store with --storage-url."
             }
-            Unusable::Disk { .. } => "See to the permissions of the file and of the folders above it.",
+            Unusable::Disk { .. } => "Check the permissions of the file and of the folders above it.",
         }
     }
 }
@@ -83,7 +82,7 @@ pub enum Error {
     #[error("the object store failed: {0}")]
     Blobs(Box<dyn std::error::Error + Send + Sync>),
     /// No room for more.
-    #[error("a store is full")]
+    #[error("the storage is full")]
     Full,
     /// The object store does not have a blob that a row names: its key.
     #[error("the blob {0} is missing from the object store")]
@@ -99,7 +98,7 @@ pub enum Error {
         expected: u64,
     },
     /// A row that this version cannot read, a statement that cannot be meant: another attempt would fail the same way.
-    #[error("a fault of the service: {0}")]
+    #[error("an internal error of the service: {0}")]
     Fault(Box<dyn std::error::Error + Send + Sync>),
     /// A database that is not opened.
     #[error(transparent)]

@@ -175,6 +175,10 @@ impl pipeline::Bytes for Parts {
     }
 }
 
+/// Longest part, bytes: every upload at hand holds one or two in memory, and eight at once are to stay below 64 MB with all they
+/// need. Less would be more rows, more requests to a store, and more waiting for a disk.
+pub const PART_BYTES: usize = 5 << 19;
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -282,7 +286,3 @@ mod tests {
         });
     }
 }
-
-/// Longest part, bytes: every upload at hand holds one or two in memory, and eight at once are to stay below 64 MB with all they
-/// need. Less would be more rows, more requests to a store, and more waiting for a disk.
-pub const PART_BYTES: usize = 5 << 19;

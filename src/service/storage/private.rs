@@ -133,7 +133,7 @@ impl Closed {
                 folders,
                 files,
                 which,
-                "other users of this machine could open these; from now on only the service's user can"
+                "other users of this machine could open these files; now only the user of the service can"
             );
         }
         if let Some(Open { owner, error, .. }) = self.open.first() {
@@ -144,7 +144,7 @@ impl Closed {
                 owner,
                 user,
                 %error,
-                "other users of this machine can open these, and this process may not change that: their owner can, with chmod go="
+                "other users of this machine can open these files, and this process may not change that; the owner of the files can, with chmod go="
             );
         }
     }

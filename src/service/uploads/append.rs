@@ -189,7 +189,7 @@ impl Writing<'_> {
             if self.spool.byte_count() + chunk.len() as u64 > whole {
                 return Err(Error::Beyond(whole));
             }
-            room.map_or(Ok(()), |room| room.admit(self.spool.byte_count() + chunk.len() as u64 - self.upload.offset))?;
+            room.map_or(Ok(()), |room| room.check(self.spool.byte_count() + chunk.len() as u64 - self.upload.offset))?;
             self.spool.push(&chunk).await?;
             match &mut piece.checksum {
                 Some(checksum) => checksum.update(&chunk),
@@ -276,7 +276,7 @@ impl Writing<'_> {
     async fn delete(&self, parts: &[Part]) {
         for part in parts {
             if let Err(error) = self.uploads.intake.storage.blobs.delete(&part.blob).await {
-                tracing::warn!(blob = part.blob, %error, "a blob of an upload stays until it is swept");
+                tracing::warn!(blob = part.blob, %error, "cannot delete a blob of an upload; the garbage collection will");
             }
         }
     }
@@ -287,7 +287,7 @@ impl Writing<'_> {
         let refusal = (self.uploads.refusal_of)(Reason::File(error));
         let said = serde_json::to_string(&refusal).unwrap_or_default();
         if outcome::refuse_early(&intake.storage.records, id, self.session, &said, *expiry).await? {
-            self.uploads.forget_bytes(id, &self.upload.concat).await;
+            self.uploads.delete_upload_blobs(id, &self.upload.concat).await;
         }
         Ok(Error::Refused(Box::new(refusal)))
     }

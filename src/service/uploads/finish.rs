@@ -35,15 +35,15 @@ const MAX_BACK_OFF: u32 = 32;
 const EXPIRY_LOOK: Duration = Duration::from_mins(1);
 
 /// What is to be done about an upload that could not be finished.
-enum Fate {
+enum AfterFailure {
     /// It is refused.
-    Refused,
+    Refuse,
     /// The same, but for its bytes: they were accepted, and nobody knows what is wrong with them.
-    GivenUp,
+    GiveUp,
     /// Tried again; it counts as an attempt when it may be the upload's fault.
-    Again { counted: bool },
+    Retry { counted: bool },
     /// It is another's, or deleted.
-    Lost,
+    Leave,
 }
 
 /// What an upload is to become.
@@ -70,7 +70,7 @@ impl Uploads {
                 () = self.stopping.cancelled() => break,
             }
             if let Err(error) = self.finish_waiting(&mut tasks, &mut at_hand).await {
-                tracing::warn!(%error, "cannot look for uploads to be finished; trying again later");
+                tracing::warn!(%error, "cannot search for uploads to finish; trying again later");
             }
         }
         while tasks.join_next().await.is_some() {}
@@ -125,16 +125,16 @@ impl Uploads {
         let _gone = gone.clone().drop_guard();
         let mut making = pin!(self.make(&claim, gone.clone()));
         let made = tokio::select! {
-            made = self.mind(&claim, &gone, &mut making) => made,
+            made = self.supervise(&claim, &gone, &mut making) => made,
             () = self.stopping.cancelled() => return self.let_go(&claim, &gone, making).await,
         };
         match made {
             Ok((drafts, left_out)) => self.take(&claim, drafts, left_out).await,
-            Err(error) => match self.fate(&claim, &error) {
-                Fate::Refused => self.refuse(&claim, Reason::File(error), false).await,
-                Fate::GivenUp => self.refuse(&claim, Reason::File(error), true).await,
-                Fate::Again { counted } => self.put_back(&claim, &error, counted).await,
-                Fate::Lost => Ok(()),
+            Err(error) => match self.after_failure(&claim, &error) {
+                AfterFailure::Refuse => self.refuse(&claim, Reason::File(error), false).await,
+                AfterFailure::GiveUp => self.refuse(&claim, Reason::File(error), true).await,
+                AfterFailure::Retry { counted } => self.put_back(&claim, &error, counted).await,
+                AfterFailure::Leave => Ok(()),
             },
         }
     }
@@ -150,7 +150,7 @@ impl Uploads {
         outcome::put_back(&self.intake.storage.records, claim, Duration::ZERO, false).await?;
         // It may have come to its end all the same.
         if let Ok((drafts, _)) = making.await {
-            self.forget_unpacked(claim, drafts.iter().map(|draft| draft.ray_set.id.as_str())).await;
+            self.delete_unpacked_blobs(claim, drafts.iter().map(|draft| draft.ray_set.id.as_str())).await;
         }
         Ok(())
     }
@@ -175,7 +175,7 @@ impl Uploads {
     }
 
     /// Waits for `making`, renewing the lease; tells it when that is lost.
-    async fn mind<T>(&self, claim: &Claim, gone: &CancellationToken, making: impl Future<Output = T>) -> T {
+    async fn supervise<T>(&self, claim: &Claim, gone: &CancellationToken, making: impl Future<Output = T>) -> T {
         let mut ticker = interval(self.lease / 3);
         ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let mut making = pin!(making);
@@ -185,7 +185,7 @@ impl Uploads {
                 _ = ticker.tick() => match outcome::renew(&self.intake.storage.records, claim, self.lease).await {
                     Ok(true) => {}
                     Ok(false) => gone.cancel(),
-                    Err(error) => tracing::warn!(upload = claim.upload.id, %error, "cannot renew a lease"),
+                    Err(error) => tracing::warn!(upload = claim.upload.id, %error, "cannot renew the lease of an upload; trying again"),
                 },
             }
         }
@@ -248,21 +248,21 @@ impl Uploads {
         Ok(prefix)
     }
 
-    fn fate(&self, claim: &Claim, error: &FileError) -> Fate {
+    fn after_failure(&self, claim: &Claim, error: &FileError) -> AfterFailure {
         match Cause::from(error) {
-            Cause::Input => Fate::Refused,
-            Cause::Stopped => Fate::Lost,
-            Cause::Ours if claim.attempt >= i64::from(self.max_attempts) => Fate::GivenUp,
-            Cause::Ours => Fate::Again { counted: true },
+            Cause::Input => AfterFailure::Refuse,
+            Cause::Stopped => AfterFailure::Leave,
+            Cause::Ours if claim.attempt >= i64::from(self.max_attempts) => AfterFailure::GiveUp,
+            Cause::Ours => AfterFailure::Retry { counted: true },
             // A store that never answers must not keep the upload for ever: its bytes stay as long again. The same for one that
             // has lost bytes: nobody else has them, and they come back if it was a disk that is not mounted.
-            Cause::StoreAway | Cause::StoreDamaged if claim.is_overdue => Fate::GivenUp,
-            Cause::StoreAway | Cause::StoreDamaged => Fate::Again { counted: false },
+            Cause::StoreAway | Cause::StoreDamaged if claim.is_overdue => AfterFailure::GiveUp,
+            Cause::StoreAway | Cause::StoreDamaged => AfterFailure::Retry { counted: false },
         }
     }
 
     async fn put_back(&self, claim: &Claim, error: &FileError, counted: bool) -> Result<(), storage::Error> {
-        tracing::warn!(upload = claim.upload.id, attempt = claim.attempt, %error, "an upload is finished later");
+        tracing::warn!(upload = claim.upload.id, attempt = claim.attempt, %error, "cannot finish an upload now; trying again later");
         let wait = if counted { self.lease } else { back_off(self.lease, claim.fence) };
         outcome::put_back(&self.intake.storage.records, claim, wait, counted).await
     }
@@ -276,9 +276,9 @@ impl Uploads {
         // Should this fail, rows may or may not name them: only the sweep of garbage can tell.
         let taken = outcome::take(records, self.intake.quota, claim, drafts, &result, self.expiry).await?;
         if taken != Ok(true) {
-            self.forget_unpacked(claim, ids.iter().map(String::as_str)).await;
+            self.delete_unpacked_blobs(claim, ids.iter().map(String::as_str)).await;
         } else if !ids.contains(id) {
-            self.forget_bytes(id, &claim.upload.concat).await;
+            self.delete_upload_blobs(id, &claim.upload.concat).await;
         }
         match taken {
             Err(exceeded) => self.refuse(claim, Reason::File(exceeded.into()), false).await,
@@ -287,9 +287,9 @@ impl Uploads {
     }
 
     /// Deletes the blobs of ray sets to be, but for those that are the upload's own.
-    async fn forget_unpacked(&self, claim: &Claim, ray_sets: impl Iterator<Item = &str>) {
+    async fn delete_unpacked_blobs(&self, claim: &Claim, ray_sets: impl Iterator<Item = &str>) {
         for id in ray_sets.filter(|id| *id != claim.upload.id) {
-            self.intake.forget(id).await;
+            self.intake.delete_blobs(id).await;
         }
     }
 
@@ -302,11 +302,11 @@ impl Uploads {
                 upload = id,
                 tenant = claim.tenant,
                 problem = said,
-                "an upload is given up; its bytes stay"
+                "an upload failed for good; its bytes are kept until it expires"
             );
             outcome::give_up(records, claim, &said, self.expiry).await?;
         } else if outcome::refuse(records, claim, &said, self.expiry).await? {
-            self.forget_bytes(id, &claim.upload.concat).await;
+            self.delete_upload_blobs(id, &claim.upload.concat).await;
         }
         Ok(())
     }
@@ -325,11 +325,11 @@ impl Uploads {
         match outcome::expire(&self.intake.storage.records).await {
             Ok(expired) => {
                 for gone in expired {
-                    tracing::info!(upload = gone.id, state = gone.was.name(), "an upload's time is over");
-                    self.forget(&gone).await;
+                    tracing::info!(upload = gone.id, state = gone.was.name(), "an upload has expired");
+                    self.delete_unless_taken(&gone).await;
                 }
             }
-            Err(error) => tracing::warn!(%error, "cannot look for uploads whose time is over; trying again later"),
+            Err(error) => tracing::warn!(%error, "cannot search for expired uploads; trying again later"),
         }
     }
 }

@@ -48,7 +48,7 @@ impl Uploads {
             new.byte_count = Some(self.length(&pieces)?);
             let joining = Joining { new: new.clone(), sent, partials };
             if let Some(made) = join_rows::join(records, tenant, self.intake.quota, &joining, self.expiry).await?? {
-                tracing::info!(upload = made.id, pieces = partials.len(), "an upload was put together");
+                tracing::info!(upload = made.id, pieces = partials.len(), "a final upload was made of partial uploads");
                 return self.ended(tenant, &made.id).await;
             }
         }

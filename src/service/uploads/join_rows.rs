@@ -50,7 +50,7 @@ pub async fn join(
     }
     let made = insert(&mut transaction, tenant, joining, expiry).await?;
     move_parts(&mut transaction, joining).await?;
-    if let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await? {
+    if let Err(exceeded) = quota.check_bytes(&mut transaction, tenant).await? {
         transaction.rollback().await?;
         return Ok(Err(exceeded));
     }

@@ -39,19 +39,19 @@ pub enum Error {
     #[error("there is no upload {0}")]
     Missing(String),
     /// The request goes on from elsewhere than the upload does.
-    #[error("{at} bytes are there")]
+    #[error("the upload has {at} bytes")]
     Offset {
         /// Where the upload goes on, bytes.
         at: u64,
     },
     /// All bytes are there.
-    #[error("all bytes are there")]
+    #[error("the upload is complete")]
     Complete,
     /// The upload is made of others: nothing can be added to it.
-    #[error("the upload is made of others")]
+    #[error("the upload is made of partial uploads")]
     Final,
     /// An upload that cannot be a piece of another.
-    #[error("the upload {id} cannot be a piece: {unusable:?}")]
+    #[error("the upload {id} cannot be part of a final upload: {unusable:?}")]
     Piece {
         /// The upload.
         id: String,
@@ -62,10 +62,10 @@ pub enum Error {
     #[error("{}", .0.detail)]
     Refused(Box<Refusal>),
     /// More bytes than announced.
-    #[error("more than the {0} bytes announced")]
+    #[error("the upload goes beyond its announced {0} bytes")]
     Beyond(u64),
     /// A length is announced where one was before, or less than is there.
-    #[error("the length is known, or less than what is there")]
+    #[error("the upload has a different length, or more bytes than this length")]
     Length,
     /// Not the bytes that the sender meant.
     #[error("the checksum does not match")]
@@ -149,34 +149,34 @@ impl Uploads {
     /// [`Error::Missing`], [`Error::File`].
     pub async fn delete(&self, tenant: &str, id: &str) -> Result<(), Error> {
         let was = outcome::delete(&self.intake.storage.records, tenant, id).await?;
-        self.forget(&was.ok_or_else(|| Error::Missing(id.to_owned()))?).await;
+        self.delete_unless_taken(&was.ok_or_else(|| Error::Missing(id.to_owned()))?).await;
         Ok(())
     }
 
     /// The same for one whose sender never heard of it, unless it has become ray sets.
     pub async fn abandon(&self, tenant: &str, id: &str) {
         match outcome::abandon(&self.intake.storage.records, tenant, id).await {
-            Ok(Some(was)) => self.forget(&was).await,
+            Ok(Some(was)) => self.delete_unless_taken(&was).await,
             Ok(None) => {}
             Err(error) => {
-                tracing::warn!(upload = id, %error, "an upload that nobody knows of stays until its time is over");
+                tracing::warn!(upload = id, %error, "cannot delete an upload whose client went away; it stays until it expires");
             }
         }
     }
 
     /// Deletes the blobs of an upload whose row is gone. Of one that was taken they are a ray set's, of one that was joined they
     /// are another upload's.
-    pub(super) async fn forget(&self, gone: &Gone) {
+    pub(super) async fn delete_unless_taken(&self, gone: &Gone) {
         if !matches!(gone.was, State::Taken | State::Joined) {
-            self.forget_bytes(&gone.id, &gone.concat).await;
+            self.delete_upload_blobs(&gone.id, &gone.concat).await;
         }
     }
 
     /// Deletes the blobs of an upload: its own, and those of its pieces, which are its own too.
-    pub(super) async fn forget_bytes(&self, id: &str, concat: &Concat) {
-        self.intake.forget(id).await;
+    pub(super) async fn delete_upload_blobs(&self, id: &str, concat: &Concat) {
+        self.intake.delete_blobs(id).await;
         for piece in concat.partials() {
-            self.intake.forget(piece).await;
+            self.intake.delete_blobs(piece).await;
         }
     }
 

@@ -115,14 +115,14 @@ pub async fn take(
         transaction.rollback().await?;
         return Ok(Ok(false));
     }
-    forget_parts(&mut transaction, &claim.upload.id).await?;
+    delete_part_rows(&mut transaction, &claim.upload.id).await?;
     let becomes: u64 = drafts.iter().map(|draft| draft.ray_set.byte_count).sum();
     for draft in drafts {
         rows::insert_one(&mut transaction, &claim.tenant, draft).await?;
     }
     // What came has had its room since then; only what was packed needs more.
     if becomes > claim.upload.offset
-        && let Err(exceeded) = quota.admit_bytes(&mut transaction, &claim.tenant).await?
+        && let Err(exceeded) = quota.check_bytes(&mut transaction, &claim.tenant).await?
     {
         transaction.rollback().await?;
         return Ok(Err(exceeded));
@@ -177,7 +177,7 @@ async fn refused(records: &Records, id: &str, refuse: Statement) -> Result<bool,
         transaction.rollback().await?;
         return Ok(false);
     }
-    forget_parts(&mut transaction, id).await?;
+    delete_part_rows(&mut transaction, id).await?;
     transaction.commit().await?;
     Ok(true)
 }
@@ -229,7 +229,7 @@ fn at(statement: Statement, claim: &Claim) -> Statement {
     statement.bind(claim.upload.id.as_str()).bind(claim.fence)
 }
 
-async fn forget_parts(transaction: &mut Transaction, id: &str) -> Result<(), Error> {
+async fn delete_part_rows(transaction: &mut Transaction, id: &str) -> Result<(), Error> {
     transaction.write(sql("DELETE FROM upload_parts WHERE upload_id = $1").bind(id)).await?;
     Ok(())
 }

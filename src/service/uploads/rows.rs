@@ -268,7 +268,7 @@ pub async fn insert(
     let insert = insert.bind(rows::written(&new.client_metadata)?).bind(ms(expiry));
     let insert = insert.bind(new.is_partial.then_some(PARTIAL));
     let rows = transaction.read(insert).await?;
-    if let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await? {
+    if let Err(exceeded) = quota.check_bytes(&mut transaction, tenant).await? {
         transaction.rollback().await?;
         return Ok(Err(NoRoom::Quota(exceeded)));
     }
@@ -350,7 +350,7 @@ pub async fn begin(
     let begin = sql(begin).bind(session).bind(ms(expiry)).bind(whole.map(u64::cast_signed)).bind(tenant).bind(id);
     let rows = transaction.read(begin.bind(offset.cast_signed())).await?;
     if whole.is_some()
-        && let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await?
+        && let Err(exceeded) = quota.check_bytes(&mut transaction, tenant).await?
     {
         transaction.rollback().await?;
         return Ok(Err(exceeded));
@@ -388,7 +388,7 @@ pub async fn add(records: &Records, quota: Quota, addition: &Addition<'_>) -> Re
     };
     // What was announced has had its room since then.
     if row.optional_number("byte_count")?.is_none()
-        && let Err(exceeded) = quota.admit_bytes(&mut transaction, addition.tenant).await?
+        && let Err(exceeded) = quota.check_bytes(&mut transaction, addition.tenant).await?
     {
         transaction.rollback().await?;
         return Ok(Added::NoRoom(exceeded));

@@ -1,6 +1,6 @@
 //! Tells endpoints what is due. Every process does, and which of them does not matter: a delivery is leased to one of them.
 
-use super::deliveries::{Attempted, Sending};
+use super::deliveries::{Attempted, DueDelivery};
 use super::{Policy, deliveries, signature};
 use crate::crash;
 use crate::metrics::Metrics;
@@ -19,7 +19,7 @@ const AT_ONCE: usize = 64;
 /// Least time between two looks.
 const GAP: Duration = Duration::from_millis(50);
 /// How often what was told too long ago is forgotten.
-const FORGETTING: Duration = Duration::from_hours(1);
+const DELETE_OLD_EVERY: Duration = Duration::from_hours(1);
 
 /// Sends and forgets. Cheap to clone.
 #[derive(Clone)]
@@ -56,15 +56,15 @@ impl Dispatcher {
     /// due again. Attempts that were begun are ended.
     pub async fn keep_up(self, poll: Duration, stopping: CancellationToken) {
         let mut sending = JoinSet::new();
-        let mut forget_at = Instant::now();
+        let mut delete_at = Instant::now();
         while !stopping.is_cancelled() {
             if let Err(error) = self.look(&mut sending).await {
-                tracing::warn!(%error, "cannot see what is to be told; trying again later");
+                tracing::warn!(%error, "cannot search for deliveries that are due; trying again later");
             }
-            if Instant::now() >= forget_at {
-                forget_at = Instant::now() + FORGETTING;
-                if let Err(error) = deliveries::forget(&self.records, self.policy.keep).await {
-                    tracing::warn!(%error, "cannot forget what was told long ago; trying again later");
+            if Instant::now() >= delete_at {
+                delete_at = Instant::now() + DELETE_OLD_EVERY;
+                if let Err(error) = deliveries::delete_old(&self.records, self.policy.keep).await {
+                    tracing::warn!(%error, "cannot delete old deliveries; trying again later");
                 }
             }
             sleep(GAP).await;
@@ -90,10 +90,10 @@ impl Dispatcher {
     }
 
     /// One attempt.
-    async fn send(self, sending: Sending) {
+    async fn send(self, sending: DueDelivery) {
         let how = self.attempt(&sending).await;
         crash::point("deliver.answered");
-        self.metrics.told(how.is_taken());
+        self.metrics.webhook_attempted(how.is_taken());
         let Attempted { status, error, .. } = &how;
         tracing::info!(
             delivery = sending.id,
@@ -106,19 +106,23 @@ impl Dispatcher {
         // A delivery whose end is not noted is another's when its lease is over, and told again.
         match deliveries::end(&self.records, &sending, &how, &self.policy).await {
             Ok(true) => {}
-            Ok(false) => tracing::warn!(delivery = sending.id, "an attempt was another's before it ended"),
-            Err(error) => tracing::warn!(delivery = sending.id, %error, "cannot note how an attempt went"),
+            Ok(false) => {
+                tracing::warn!(delivery = sending.id, "another process took over a delivery during an attempt")
+            }
+            Err(error) => {
+                tracing::warn!(delivery = sending.id, %error, "cannot store the result of a delivery attempt")
+            }
         }
     }
 
-    async fn attempt(&self, sending: &Sending) -> Attempted {
+    async fn attempt(&self, sending: &DueDelivery) -> Attempted {
         let failed = |error: String| Attempted { error: Some(error), ..Attempted::default() };
-        let Sending { id, timestamp_s, body, secrets, .. } = sending;
+        let DueDelivery { id, timestamp_s, body, secrets, .. } = sending;
         let body = self.policy.addressed(body);
         let signature = match signature::sign(secrets, id, *timestamp_s, &body) {
             Ok(signature) => signature,
             Err(error) => {
-                tracing::error!(delivery = id, %error, "a delivery cannot be signed");
+                tracing::error!(delivery = id, %error, "cannot sign a delivery");
                 return failed("the service could not sign it".to_owned());
             }
         };

@@ -34,7 +34,7 @@ pub struct Endpoint {
 
 /// What may be said of an endpoint.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Told {
+pub struct EndpointSettings {
     /// Where to post.
     pub url: String,
     /// What it hears of.
@@ -69,13 +69,17 @@ fn names(events: &[Event]) -> String {
 ///
 /// # Errors
 /// The database did not answer; the system has no randomness.
-pub async fn create(records: &Records, tenant: &str, told: Told) -> Result<Option<(Endpoint, String)>, Error> {
+pub async fn create(
+    records: &Records,
+    tenant: &str,
+    settings: EndpointSettings,
+) -> Result<Option<(Endpoint, String)>, Error> {
     let secret = signature::secret()?;
     let insert = "INSERT INTO webhooks (id, tenant, url, events, description, secret, created_ms) \
                   SELECT $1, $2, $3, $4, $5, $6, {now} \
                   WHERE (SELECT COUNT(*) FROM webhooks WHERE tenant = $2) < $7 RETURNING *";
-    let insert = sql(insert).bind(new_id()).bind(tenant).bind(told.url).bind(names(&told.events));
-    let insert = insert.bind(told.description).bind(secret.as_str()).bind(MOST);
+    let insert = sql(insert).bind(new_id()).bind(tenant).bind(settings.url).bind(names(&settings.events));
+    let insert = insert.bind(settings.description).bind(secret.as_str()).bind(MOST);
     let mut transaction = records.begin().await?;
     // Two at once cannot both be the last.
     tenants::hold(&mut transaction, tenant).await?;
@@ -106,11 +110,11 @@ pub async fn list(records: &Records, tenant: &str, before: Option<&str>, limit: 
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn change(records: &Records, tenant: &str, id: &str, told: Told) -> Result<bool, Error> {
+pub async fn change(records: &Records, tenant: &str, id: &str, settings: EndpointSettings) -> Result<bool, Error> {
     let change = "UPDATE webhooks SET url = $1, events = $2, description = $3, disabled_why = NULL, \
                   failing_since_ms = CASE WHEN disabled_why IS NULL AND url = $1 THEN failing_since_ms END \
                   WHERE tenant = $4 AND id = $5";
-    let change = sql(change).bind(told.url).bind(names(&told.events)).bind(told.description);
+    let change = sql(change).bind(settings.url).bind(names(&settings.events)).bind(settings.description);
     Ok(records.write(change.bind(tenant).bind(id)).await? > 0)
 }
 

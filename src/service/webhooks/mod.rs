@@ -16,7 +16,7 @@ use crate::storage::error::Error;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
-/// What an endpoint can hear of.
+/// An event that a webhook can receive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 pub enum Event {
     /// A job has succeeded.
@@ -102,14 +102,14 @@ impl Default for Policy {
     }
 }
 
-/// What is posted.
+/// The message that is posted to a webhook.
 #[derive(Serialize, utoipa::ToSchema)]
 #[schema(as = WebhookMessage)]
 pub struct Message<T> {
-    /// What has happened: an event's name.
+    /// Name of the event.
     #[serde(rename = "type")]
     kind: &'static str,
-    /// When, RFC 3339.
+    /// When it happened, RFC 3339.
     timestamp: String,
     /// To what.
     data: T,

@@ -29,7 +29,7 @@ impl Loan {
 impl Drop for Loan {
     fn drop(&mut self) {
         if !self.is_idle {
-            tracing::debug!("a database connection is closed: what it was asked last failed or was given up");
+            tracing::debug!("a database connection is closed: its last statement failed or was abandoned");
             self.connection.close_on_drop();
         }
     }

@@ -43,10 +43,10 @@ pub struct Copied {
 /// [`Error`].
 pub async fn backup(config: &Config, to: &Path) -> Result<Copied, Error> {
     let Some(blobs) = config.storage_url().strip_prefix("file:").map(PathBuf::from) else {
-        return Err(Error::Elsewhere);
+        return Err(Error::NotLocal);
     };
     if database_url::path(&config.database_url()).is_none() {
-        return Err(Error::Elsewhere);
+        return Err(Error::NotLocal);
     }
     let _held = place::take(config, to)?;
     let storage = Storage::open(&config.database_url(), &config.storage_url()).await?;
@@ -108,7 +108,7 @@ async fn fill(live: &Storage, from: &Path, copy: &Records, to: &Path, copied: &m
             return Err(Error::Missing(blob));
         }
         if !follow(live, from, copy, to, &blob, copied).await? {
-            copied.deleted += forget(copy, &blob).await?;
+            copied.deleted += delete_blob_row(copy, &blob).await?;
         }
     }
     Ok(())
@@ -200,7 +200,7 @@ async fn is_named(records: &Records, blob: &str) -> Result<bool, Error> {
 }
 
 /// Deletes what `blob` belonged to.
-async fn forget(copy: &Records, blob: &str) -> Result<u64, Error> {
+async fn delete_blob_row(copy: &Records, blob: &str) -> Result<u64, Error> {
     let ray_sets = sql("DELETE FROM ray_sets WHERE id IN (SELECT ray_set_id FROM parts WHERE blob = $1)");
     let jobs = sql("DELETE FROM jobs WHERE id IN (SELECT job_id FROM artifacts WHERE blob = $1)");
     let uploads = sql("DELETE FROM uploads WHERE id IN (SELECT upload_id FROM upload_parts WHERE blob = $1)");

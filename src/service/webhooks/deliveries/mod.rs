@@ -23,7 +23,7 @@ const BATCH: i64 = 1000;
 /// Longest rest that an endpoint may ask for.
 const LONGEST_REST: Duration = Duration::from_hours(24);
 
-/// Where a delivery is.
+/// State of a delivery.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
 #[schema(as = DeliveryState)]
@@ -78,7 +78,7 @@ pub struct Delivery {
 
 /// A delivery to be attempted now.
 #[derive(Clone, Debug)]
-pub struct Sending {
+pub struct DueDelivery {
     /// The delivery.
     pub id: String,
     /// To which endpoint.
@@ -128,7 +128,7 @@ impl Attempted {
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn claim(records: &Records, longest: Duration) -> Result<Option<Sending>, Error> {
+pub async fn claim(records: &Records, longest: Duration) -> Result<Option<DueDelivery>, Error> {
     let due = sql("SELECT id FROM deliveries WHERE state = 'waiting' AND due_ms <= {now} \
                    AND COALESCE(lease_until_ms, 0) <= {now} LIMIT 1");
     if records.read_one(due).await?.is_none() {
@@ -162,7 +162,7 @@ pub async fn claim(records: &Records, longest: Duration) -> Result<Option<Sendin
         return Ok(None);
     };
     transaction.commit().await?;
-    Ok(Some(Sending {
+    Ok(Some(DueDelivery {
         id: row.text("id")?,
         webhook,
         fence: row.number("fence")?,
@@ -189,7 +189,7 @@ pub async fn recover(records: &Records) -> Result<(), Error> {
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn end(records: &Records, sending: &Sending, how: &Attempted, policy: &Policy) -> Result<bool, Error> {
+pub async fn end(records: &Records, sending: &DueDelivery, how: &Attempted, policy: &Policy) -> Result<bool, Error> {
     let mut transaction = records.begin().await?;
     // The endpoint before its deliveries, everywhere: two that end at once wait for each other in this order only.
     transaction.write(sql(HOLD).bind(sending.webhook.as_str())).await?;
@@ -233,7 +233,7 @@ const HOLD: &str = "UPDATE webhooks SET id = id WHERE id = $1";
 /// work: somebody is trying it out.
 async fn failed(
     transaction: &mut Transaction,
-    sending: &Sending,
+    sending: &DueDelivery,
     how: &Attempted,
     is_last: bool,
     policy: &Policy,
@@ -250,13 +250,13 @@ async fn failed(
     let rows = transaction.read(failed).await?;
     let why = rows.first().map(|row| row.optional_text("disabled_why")).transpose()?.flatten();
     if let Some(why) = &why {
-        tracing::warn!(webhook = sending.webhook, why, "an endpoint is told nothing any more");
+        tracing::warn!(webhook = sending.webhook, why, "a webhook was disabled");
     }
     Ok(why.is_some())
 }
 
 /// How long to wait before the next attempt; `None` when this was the last.
-fn wait(sending: &Sending, how: &Attempted, policy: &Policy) -> Option<Duration> {
+fn wait(sending: &DueDelivery, how: &Attempted, policy: &Policy) -> Option<Duration> {
     if sending.event == PING {
         return None;
     }
@@ -330,7 +330,7 @@ fn delivery(row: &Row) -> Result<Delivery, Error> {
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn forget(records: &Records, keep: Duration) -> Result<u64, Error> {
+pub async fn delete_old(records: &Records, keep: Duration) -> Result<u64, Error> {
     // Said twice: one that is to be told again while this statement waits for it stays.
     let old = "DELETE FROM deliveries WHERE state <> 'waiting' AND id IN \
                (SELECT id FROM deliveries WHERE created_ms <= {now} - $1 AND state <> 'waiting' LIMIT $2)";
