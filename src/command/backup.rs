@@ -24,7 +24,7 @@ pub struct Arguments {
 /// Makes a backup.
 ///
 /// # Errors
-/// Stores that are elsewhere; a disk that says no; a blob that is missing.
+/// The stores are not local, the disk refuses an operation, or a blob is missing.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let config = arguments.stores.config();
     let copied = stores::run(async { Ok(backup::backup(&config, &arguments.to).await?) })?;

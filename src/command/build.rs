@@ -128,7 +128,7 @@ impl Choices {
 /// Builds the model, writes its files, prints the closing table on stdout.
 ///
 /// # Errors
-/// Files that cannot be read or are refused; options that cannot be used; a disk that says no.
+/// A file cannot be read or is refused, an option is not valid, or the disk refuses an operation.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut options = arguments.choices.options();
     options.rays.total = arguments.total;
@@ -206,7 +206,7 @@ fn ray_rows(table: &mut Table, model: &Model) {
     }
 }
 
-/// What each channel gives to the source, where there is something to compare or somebody declared it.
+/// What each channel gives to the source, if there are several channels or a declaration.
 fn channel_rows(table: &mut Table, model: &Model) {
     let declared = |origin: &Origin| origin.declared != Declared::default();
     if model.origins.len() < 2 && !model.origins.iter().any(declared) {

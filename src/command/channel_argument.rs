@@ -26,7 +26,7 @@ A white LED in two files, split as its data sheet says:
 /// The keys, in the order of [`HELP`].
 const KEYS: [&str; 7] = ["name", "length_unit", "quantity", "columns", "spectrum", "flux", "share"];
 
-/// A ray file and what is said of it.
+/// A ray file with declarations about it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ChannelFile {
     path: PathBuf,
@@ -34,7 +34,7 @@ pub struct ChannelFile {
     declared: Declared,
 }
 
-/// `input` with what is said of it.
+/// `input` with the declarations about it.
 fn said(mut input: Input, declared: Declared, notices: Vec<Notice>) -> Input {
     input.declared = declared;
     input.notices.extend(notices);

@@ -61,7 +61,7 @@ impl OutputFormat {
 /// Writes the other file and prints what became of the rays.
 ///
 /// # Errors
-/// A file that cannot be read, is refused or does not fit the format; a file in the way; a disk that says no.
+/// The file cannot be read, is refused or does not fit the format; the output file exists; or the disk refuses an operation.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let path = &arguments.output;
     let place = || path.display().to_string();

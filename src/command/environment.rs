@@ -1,11 +1,11 @@
-//! The variables that stand for arguments: an empty one is as if it were absent, and one that nobody reads is told, with the
-//! name that was probably meant.
+//! Environment variables that stand for arguments: an empty one counts as absent, and an unknown one gives a warning with the most
+//! similar name.
 
 use clap::Command;
 use service::telemetry::visible;
 use std::ffi::{OsStr, OsString};
 
-/// What every variable of this program begins with, but for the few that are usual elsewhere too.
+/// Prefix of the variables of this program, except for the few that other programs use too.
 const PREFIX: &str = "LAMPWRIGHT_";
 /// Least likeness (Jaro-Winkler, 0 to 1) at which a name is offered for another.
 const ALIKE: f64 = 0.8;
@@ -24,7 +24,7 @@ fn without(command: Command, ignored: &impl Fn(&OsStr) -> bool) -> Command {
     command.mut_subcommands(|verb| without(verb, ignored))
 }
 
-/// One sentence for each of the process's variables that begins as ours do and that no argument of `command` reads.
+/// One warning for each variable of the process that has the prefix of this program and that no argument of `command` reads.
 pub fn unread(command: &Command) -> Vec<String> {
     unread_of(command, std::env::vars_os().map(|(name, _)| name))
 }
@@ -54,8 +54,8 @@ fn warning(name: &str, known: &[String]) -> String {
     let nearest = known.iter().map(|known| (known, likeness(known)));
     let nearest = nearest.max_by(|(_, one), (_, other)| one.total_cmp(other));
     match nearest.filter(|(_, likeness)| *likeness >= ALIKE) {
-        Some((meant, _)) => {
-            format!("The variable {name} is not known and has no effect. Did you mean {meant}?", name = visible(name))
+        Some((similar, _)) => {
+            format!("The variable {name} is not known and has no effect. Did you mean {similar}?", name = visible(name))
         }
         None => format!(
             "The variable {name} is not known and has no effect. `lampwright serve --help` lists all variables.",

@@ -77,10 +77,10 @@ fn scope(text: &str) -> Result<Scope, String> {
     Scope::parse(text).ok_or_else(|| format!("write one of {}", Scope::ALL.map(Scope::name).join(", ")))
 }
 
-/// Makes, lists, rotates or revokes keys.
+/// Makes, lists, rotates or revokes API keys.
 ///
 /// # Errors
-/// No such key; a database that cannot be had.
+/// There is no such key, or the database cannot be opened.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     match arguments.what {
         What::Create { tenant, scopes, name, expires, stores } => {

@@ -12,7 +12,7 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// How much of a file inside is judged.
+/// Number of bytes of a file in an archive that its format is judged by.
 const PREFIX_BYTES: usize = 64 << 10;
 /// Bytes unpacked at once.
 const BLOCK_BYTES: usize = 256 << 10;
@@ -68,7 +68,7 @@ pub struct RayFiles {
 /// Finds the ray files of `path`: FILE, or FILE:MEMBER for one in a packed file. Unpacks no more than their beginnings.
 ///
 /// # Errors
-/// A disk that says no; a packed file that is broken, holds no ray file or no such member.
+/// The disk refuses an operation; or the archive is damaged, contains no ray file or not the named one.
 pub fn find(path: &Path) -> Result<RayFiles, Failure> {
     let (path, member) = split(path);
     let disk = |error: io::Error| Failure::disk(&path, &error);

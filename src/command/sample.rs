@@ -37,7 +37,7 @@ pub struct Arguments {
 /// Lists the known sources, or writes one.
 ///
 /// # Errors
-/// A name that is none; a disk that says no.
+/// The name is not that of a known source, or the disk refuses an operation.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Some(name) = &arguments.name else {
         return output::print(catalogue());

@@ -7,7 +7,7 @@ use service::storage::records::Records;
 use service::{Config, storage};
 use std::path::PathBuf;
 
-/// Which service's stores are meant: the same words as for `serve`.
+/// Arguments that name the stores of a service, the same as those of `serve`.
 #[derive(Args)]
 pub struct Stores {
     /// The data folder of the service.
@@ -22,7 +22,7 @@ pub struct Stores {
 }
 
 impl Stores {
-    /// What the service would be started with.
+    /// The settings that the service would be started with.
     pub fn config(&self) -> Config {
         let (database_url, storage_url) = (self.database_url.clone(), self.storage_url.clone());
         Config { database_url, storage_url, ..Config::new(&self.data) }

@@ -64,7 +64,7 @@ fn size(text: &str) -> Result<Limit, String> {
 /// Lists tenants, or sets a quota.
 ///
 /// # Errors
-/// A name that is none; a database that cannot be had.
+/// The name is not valid, or the database cannot be opened.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     match arguments.what {
         What::List { stores } => output::print(table(&stores.with_records(used)?))?,

@@ -4,7 +4,7 @@ use pipeline::{Fault, Notice, Stage};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
-/// Why a job failed, as stored and told.
+/// Why a job failed, as it is stored and as clients see it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Failure {
     /// Stable code: programs may depend on it.
@@ -36,7 +36,7 @@ impl Failure {
         Failure { code: "job.panicked".into(), ..Failure::internal() }
     }
 
-    /// A fault of ours: what it was is in the log, not here.
+    /// The failure of an error in the service itself; its details are in the log, not here.
     pub fn internal() -> Failure {
         Failure {
             code: "run.internal".into(),
@@ -81,7 +81,7 @@ impl Failure {
         }
     }
 
-    /// It saw that nobody wants it.
+    /// The failure of a computation that was stopped before its end.
     pub fn stopped() -> Failure {
         Failure {
             code: pipeline::Error::Cancelled.code().into(),
@@ -108,7 +108,7 @@ impl Failure {
         }
     }
 
-    /// It was queued when there was more memory.
+    /// The failure of a job that was queued when the service had more memory.
     pub fn too_large(limit_bytes: u64) -> Failure {
         Failure {
             code: "job.too_large".into(),
@@ -187,8 +187,8 @@ impl From<&Notice> for StoredNotice {
     }
 }
 
-/// Why an upload was refused, as stored with it and told to whoever asks for it: the words and the status of the answer that a
-/// single request would have got.
+/// Why an upload was refused, as it is stored and as clients see it: the problem that a single request with the same file would
+/// have been answered with.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Refusal {
     /// `urn:lampwright:problem:<code>`.

@@ -130,13 +130,13 @@ impl Both {
         let may_retry = held.as_ref().is_some_and(|job| job.attempt < MAX_ATTEMPTS || job.cancel_requested);
         let (done, expected) = match word {
             0 => {
-                let beat = queue.renew_lease(&claim, Some("hull"), 0.5).await.unwrap();
+                let renewed = queue.renew_lease(&claim, Some("hull"), 0.5).await.unwrap();
                 let expected = match &held {
                     None => Lease::Lost,
                     Some(_) if cancel_requested => Lease::CancelRequested,
                     Some(_) => Lease::Held,
                 };
-                assert_eq!(beat, expected);
+                assert_eq!(renewed, expected);
                 held.into_iter().for_each(|job| job.lapsed = false);
                 return;
             }

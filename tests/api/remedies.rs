@@ -95,7 +95,8 @@ async fn who_asks_at_a_wrong_place_is_led_to_a_right_one() {
         assert_ne!(reply.status, StatusCode::METHOD_NOT_ALLOWED, "{method}");
     }
     let elsewhere = site.ask(Method::POST, "/v1/ray-sets", &[("upload-length", "9")], rays::zemax(9)).await;
-    let remedy = "OPTIONS /v1/uploads names the supported extensions of tus; begin a resumable upload with POST /v1/uploads.";
+    let remedy =
+        "OPTIONS /v1/uploads names the supported extensions of tus; begin a resumable upload with POST /v1/uploads.";
     told(&elsewhere, 400, "request.header_not_honoured", remedy);
     let abilities = site.ask(Method::OPTIONS, "/v1/uploads", &[VERSION], Body::empty()).await;
     assert!(abilities.header("tus-extension").contains("creation"), "{abilities:?}");
@@ -129,7 +130,12 @@ async fn a_body_that_was_sent_wrongly_is_sent_as_the_remedy_has_it() {
 async fn who_has_no_key_is_told_how_to_show_one() {
     let site = Site::start_as(|config| Config { auth: true, ..config }, prompt()).await;
     let key = site.key_of("lab", &[Scope::JobsRead]).await;
-    told(&site.get("/v1/jobs").await, 401, "access.key_missing", "Send the header Authorization: Bearer with a valid API key");
+    told(
+        &site.get("/v1/jobs").await,
+        401,
+        "access.key_missing",
+        "Send the header Authorization: Bearer with a valid API key",
+    );
     let bearer = format!("Bearer {key}");
     let reply = site.ask(Method::GET, "/v1/jobs", &[("authorization", &bearer)], Body::empty()).await;
     assert_eq!(reply.status, StatusCode::OK);
@@ -189,7 +195,12 @@ async fn the_length_of_an_upload_is_said_as_the_remedy_has_it() {
     send(&site, &file, 5000, &[]).await;
     let short = begin(&site, 10, &[]).await;
     let twice = append(&site, &short, 0, file[..5].to_vec(), &[("upload-length", "20")]).await;
-    told(&twice, 400, "upload.length", "Give the length once: at the beginning, or later if the upload began with Upload-Defer-Length: 1.");
+    told(
+        &twice,
+        400,
+        "upload.length",
+        "Give the length once: at the beginning, or later if the upload began with Upload-Defer-Length: 1.",
+    );
     let headers = [VERSION, ("upload-defer-length", "1")];
     let begun = site.ask(Method::POST, "/v1/uploads", &headers, Body::empty()).await;
     assert_eq!(begun.status, StatusCode::CREATED, "{begun:?}");

@@ -11,7 +11,7 @@ use service::{Config, connections};
 use std::net::IpAddr;
 use std::time::Duration;
 
-/// Arguments that bound what clients may ask of the service.
+/// Arguments that limit clients of the service.
 #[derive(Args)]
 #[command(next_help_heading = "Limits for clients")]
 pub struct Bounds {
@@ -74,7 +74,7 @@ impl Bounds {
         connections::Bounds { connections, per_address, ..bounds }
     }
 
-    /// `config` with what was said.
+    /// `config` with the values of these arguments.
     pub fn over(&self, config: Config) -> Config {
         let Config { quota, bounds, slowest, retention, .. } = config;
         Config {

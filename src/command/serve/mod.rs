@@ -1,9 +1,9 @@
 //! `serve`: the service. On an empty data folder it first takes in a known source through the same queue as any upload, so that
 //! there is something to look at within seconds.
 
-/// What clients may ask of a service.
+/// Arguments that limit clients.
 mod limits;
-/// What a service may ask elsewhere.
+/// Arguments about outbound requests.
 mod outbound;
 
 use super::terminal::failure::Failure;
@@ -162,7 +162,7 @@ impl Arguments {
 /// Serves until SIGINT or SIGTERM. `unknown_variables` are logged: see [`super::environment::unread`].
 ///
 /// # Errors
-/// A data folder, an address or a store that cannot be had.
+/// The data folder, the address or a store cannot be used.
 pub fn run(arguments: &Arguments, unknown_variables: &[String]) -> Result<(), Failure> {
     let format = match arguments.log_format {
         LogLines::Text => LogFormat::Text,
@@ -207,7 +207,7 @@ async fn serve(arguments: &Arguments, told: Arc<OnceLock<Instant>>) -> Result<()
     service.run_until(stop).await.map_err(listener)
 }
 
-/// Greets whoever has started it; a service goes on when nobody reads that.
+/// Prints a line for the person who started the service, which goes on if the line cannot be written.
 fn say(line: &str) {
     let _ = output::print(format_args!("{line}\n"));
 }

@@ -1,10 +1,10 @@
-//! What a service may ask elsewhere. Arguments of `serve` that most never touch.
+//! Arguments of `serve` about outbound requests.
 
 use clap::{Args, ValueEnum};
 use service::Config;
 use service::outbound::Exception;
 
-/// Arguments that bound what the service asks elsewhere.
+/// Arguments about outbound requests.
 #[derive(Args)]
 #[command(next_help_heading = "Outbound requests, for webhooks and to fetch files")]
 pub struct OutboundArguments {
@@ -38,7 +38,7 @@ enum Ingest {
 }
 
 impl OutboundArguments {
-    /// `config` with what was said.
+    /// `config` with the values of these arguments.
     pub fn over(&self, config: Config) -> Config {
         Config {
             outbound_exceptions: self.outbound_allow.clone(),

@@ -6,14 +6,14 @@ use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::process::ExitCode;
 
-/// Why a verb did not do what it was asked to.
+/// Why a command failed, as it is printed on the terminal.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Failure {
     /// Stable code, `stage.what`.
     code: String,
     /// What is wrong in this case.
     found: String,
-    /// Where.
+    /// Where the problem is.
     place: Option<String>,
     /// What the client or the operator can do about it.
     remedy: Option<String>,
@@ -22,17 +22,17 @@ pub struct Failure {
 }
 
 impl Failure {
-    /// The verb was asked for something that makes no sense.
+    /// A failure of wrong usage: exit code 2.
     pub fn usage(code: &str, found: impl Into<String>, remedy: impl Into<String>) -> Failure {
         Failure { exit: 2, ..Failure::failed(code, found, remedy) }
     }
 
-    /// The verb could not do what it was asked to.
+    /// A failure of the command itself: exit code 1.
     pub fn failed(code: &str, found: impl Into<String>, remedy: impl Into<String>) -> Failure {
         Failure { code: code.to_owned(), found: found.into(), place: None, remedy: Some(remedy.into()), exit: 1 }
     }
 
-    /// The disk said no to `path`.
+    /// The failure of an operation on the file or folder `path`.
     pub fn disk(path: &Path, error: &std::io::Error) -> Failure {
         Failure::failed(
             "file.disk",

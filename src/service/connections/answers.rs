@@ -55,7 +55,7 @@ impl Unasked {
 /// Longest piece of an answer that HTTP/2 is given at once, bytes: what it was given does not wait for its client here.
 const PIECE: usize = 16 << 10;
 
-/// An answer that holds what its request has of the service until it is sent.
+/// The body of an answer. Until it is sent, it keeps the place and the counters of its request.
 pub struct AnswerBody {
     body: Answer,
     unasked: Option<(Arc<Unasked>, u64)>,

@@ -4,7 +4,7 @@
 //! Its place comes from a connection that rests (it has sent no request yet, waits between two requests, or is only being read to
 //! its end): first from the address that has most of them, there from the one that has rested longest. Where none rests, it comes
 //! from one whose request came without a key. Connections that answer a request with a key are never closed for others: where
-//! there are only those, the new connection is a spare one, which is told 503, except by the routes of the service's health.
+//! there are only those, the new connection is a spare one, whose requests are answered with 503, except on the health routes.
 
 use std::collections::HashMap;
 use std::net::{IpAddr, Ipv6Addr};
@@ -67,9 +67,9 @@ struct State {
 /// Which connections may be closed for a new one, the first before the second.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Idle {
-    /// It answers nothing.
+    /// The connection answers no request.
     Resting,
-    /// It answers somebody without a key.
+    /// The connection answers a request without a key.
     WithoutKey,
 }
 
@@ -201,7 +201,7 @@ impl Connection {
         self.state().is_idle(idle)
     }
 
-    /// Whether there was no place for it: only health is told on it.
+    /// Whether there was no place for the connection: only health routes are answered on it.
     pub fn is_spare(&self) -> bool {
         self.is_spare
     }
@@ -255,7 +255,8 @@ struct Counted {
 }
 
 impl AtHand {
-    /// The request came with a key, or from this machine where no keys are asked for: its connection is not closed for others.
+    /// Marks a request with a valid API key, or from this machine where no keys are required: its connection is not closed in
+    /// favour of another one.
     pub fn mark_with_key(&self) {
         if !self.0.has_key.swap(true, Ordering::Relaxed) {
             let mut state = self.0.connection.state();
@@ -264,7 +265,7 @@ impl AtHand {
         }
     }
 
-    /// Whether there was no place for its connection: it is told 503 unless it asks for the service's health.
+    /// Whether there was no place for the connection of the request: it is answered with 503, except on the health routes.
     pub fn is_spare(&self) -> bool {
         self.0.connection.is_spare
     }
@@ -279,7 +280,7 @@ impl Drop for Counted {
     }
 }
 
-/// The place of a connection; dropped, it is free.
+/// The place of one connection among the largest number of them; free again when dropped.
 pub struct ConnectionPlace {
     connection: Arc<Connection>,
     places: Places,
@@ -298,7 +299,7 @@ impl Drop for ConnectionPlace {
     }
 }
 
-/// A request through a trusted proxy; dropped, it is over.
+/// A request that a trusted proxy forwarded; counted until this is dropped.
 pub struct Forwarded {
     address: IpAddr,
     places: Places,

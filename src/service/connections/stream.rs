@@ -13,7 +13,7 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::time::{Sleep, sleep};
 
-/// A connection whose other end must read: nothing read for too long is an error.
+/// A TCP stream whose writes fail when the client reads nothing for too long.
 pub struct WriteTimeoutStream {
     stream: TcpStream,
     longest: Duration,

@@ -1,4 +1,4 @@
-//! `/v1/jobs/{id}/artifacts`: what a job gave.
+//! `/v1/jobs/{id}/artifacts`: the files that a job produced.
 
 use super::api::Api;
 use super::extract::Path;

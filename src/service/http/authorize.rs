@@ -1,4 +1,5 @@
-//! What stands before a route: a key with its scope, counted, or, where no keys are asked for, a caller on this machine.
+//! Authorizes requests: checks the API key, its scope and its rate limit, or, where no keys are required, that the client is on
+//! this machine.
 
 use super::api::Api;
 use super::headers::honoured;
@@ -21,9 +22,9 @@ use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement
 use utoipa::openapi::{HeaderBuilder, OpenApi, RefOr};
 use utoipa_axum::router::UtoipaMethodRouter;
 
-/// How often a key may ask.
+/// The header with the rate limit of the key.
 pub const RATE_LIMIT_POLICY: HeaderName = HeaderName::from_static("ratelimit-policy");
-/// How often it may still ask.
+/// The header with the requests that are left.
 pub const RATE_LIMIT: HeaderName = HeaderName::from_static("ratelimit");
 
 /// What the contract calls the way in.
@@ -33,7 +34,7 @@ const SCHEME: &str = "key";
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Counted {
     Yes,
-    /// Who asks for less is never told to wait.
+    /// Requests are not counted.
     No,
 }
 
@@ -47,7 +48,7 @@ pub fn needs_one_of(scopes: &[Scope], routes: UtoipaMethodRouter<Api>) -> Utoipa
     guarded(scopes.to_vec(), Counted::Yes, routes)
 }
 
-/// Routes that a key needs `scope` for, however often it has asked.
+/// Routes that a key needs `scope` for, without a rate limit.
 pub fn needs_only(scope: Scope, routes: UtoipaMethodRouter<Api>) -> UtoipaMethodRouter<Api> {
     guarded(vec![scope], Counted::No, routes)
 }
@@ -147,8 +148,9 @@ fn bearer(headers: &HeaderMap) -> Result<Option<&str>, Refusal> {
     }
 }
 
-/// Without keys, whoever reaches the address may use it; a web page in a browser on this machine reaches it too. Refuses what a
-/// browser sends for a page from elsewhere, and names that somebody else's DNS has pointed at us.
+/// Without API keys, every program that reaches the address may use the service, and so may a web page in a browser on this
+/// machine. Refuses requests that a browser sends for a page of another origin, and host names that foreign DNS has pointed at
+/// this machine.
 fn from_this_machine(headers: &HeaderMap, origins: &[String]) -> Result<(), Problem> {
     let text = |name: HeaderName| headers.get(name).map(|value| value.to_str().unwrap_or("?"));
     let host = text(header::HOST);
@@ -205,7 +207,7 @@ fn document(operation: &mut Operation, scopes: &[Scope], counted: Counted) {
             ),
             (
                 "RateLimit-Policy",
-                "the full allowance of requests, and the seconds until a used one is full again (same draft)",
+                "the full allowance of requests, and the seconds in which a used-up allowance becomes full again (same draft)",
             ),
         ] {
             let header = HeaderBuilder::new().description(Some(description)).build();

@@ -1,4 +1,4 @@
-//! `/v1/webhooks/{id}/deliveries`: what an endpoint was told, and how that went.
+//! `/v1/webhooks/{id}/deliveries`: the deliveries of a webhook and their results.
 
 use super::api::Api;
 use super::extract::{Page, Path, Query, cut};
@@ -24,7 +24,7 @@ pub struct Delivery {
     /// Identifier of the job that ended; null for a ping.
     #[schema(required)]
     job: Option<String>,
-    /// Where it is.
+    /// State of the delivery.
     state: DeliveryState,
     /// Number of attempts made.
     attempt: i64,

@@ -1,4 +1,4 @@
-//! How clients hear of a job instead of asking again and again: a long poll, and a stream of server-sent events.
+//! How clients wait for a job: a long poll, and a stream of server-sent events.
 
 use super::addresses;
 use super::api::Api;
@@ -25,16 +25,16 @@ use utoipa::ToSchema;
 
 /// Longest wait, s: what stands between a client and this service rarely lets a connection rest for longer.
 const MAX_WAIT_S: u32 = 60;
-/// A stream that has nothing to tell says so this often, so that nobody takes its connection for dead.
+/// A stream without news sends a comment this often, so that no proxy takes its connection for dead.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
 /// When a client whose stream broke asks again.
 const RETRY: Duration = Duration::from_secs(2);
 /// Longest stream; then the client asks again, with a key that still has to open something.
 const LONGEST: Duration = Duration::from_hours(1);
-/// The id of the last event: who has seen it is told that there is no more.
+/// The id of the last event of a stream: a client that has received it is answered with 204.
 const ENDED: &str = "ended";
 
-/// How long to wait for a change.
+/// The query parameter of a long poll: how long to wait for a change.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
@@ -46,7 +46,7 @@ pub struct Waiting {
 }
 
 impl Waiting {
-    /// Whether the answer is wanted at once.
+    /// Whether the request does not wait.
     pub fn is_none(&self) -> bool {
         self.wait == 0
     }
@@ -85,7 +85,7 @@ fn watch(api: &Api, access: &Access, job: &query::Job) -> Result<Watching, Probl
 /// Progress of a job: the data of the event `progress`.
 #[derive(Serialize, ToSchema)]
 pub struct JobProgress {
-    /// Where it is.
+    /// State of the job.
     state: JobState,
     /// How often the job was started.
     attempt: u32,
@@ -180,7 +180,7 @@ struct Telling {
     /// What its links begin with.
     prefix: Prefix,
     watching: Watching,
-    /// What is told before anything changes.
+    /// The status that is sent before any change.
     first: Option<JobStatus>,
     over: bool,
     longest: Pin<Box<Sleep>>,

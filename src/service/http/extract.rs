@@ -1,4 +1,5 @@
-//! What handlers take from a request. Ours, because the libraries' own refuse in plain text.
+//! Extractors of handlers: JSON body, path and query. The extractors of the libraries are not used, because they refuse in plain
+//! text.
 
 use super::problem::Problem;
 use axum::body::to_bytes;
@@ -87,8 +88,8 @@ fn drop_nulls(value: &mut Value, pointer: &str, place: &str, nulls: &mut Nulls) 
     }
 }
 
-/// Refuses a field that was null and that nobody knows: a misspelt name is a mistake whatever its value. Each place is put back
-/// alone and read once more, so that a body costs as many readings as its shape has optional fields, not as it has nulls.
+/// Refuses an unknown field that was null: a misspelt name is a mistake whatever its value. Each place is put back alone and read
+/// once more, so that a body costs as many readings as its shape has optional fields, not as it has nulls.
 fn unknown_null<T: DeserializeOwned>(json: &Value, nulls: &Nulls) -> Result<(), Problem> {
     for (pointer, name) in nulls.values() {
         let mut with_one = json.clone();
@@ -130,7 +131,7 @@ fn has_nul(part: Option<&str>) -> bool {
     part.is_some_and(|part| part.contains("%00"))
 }
 
-/// A small body, all of it.
+/// Reads a whole body of at most `limit` bytes.
 ///
 /// # Errors
 /// [`Problem`]: more than `limit` bytes, or cut short.
@@ -227,12 +228,12 @@ pub struct Page {
 }
 
 impl Page {
-    /// What a client gets who does not say.
+    /// Number of entries where the client gives no limit.
     pub fn default_limit() -> u32 {
         20
     }
 
-    /// The limit, if it is one.
+    /// Checks the limit of a page.
     ///
     /// # Errors
     /// [`Problem`]: out of range.

@@ -1,4 +1,4 @@
-//! `/v1/ray-sets/ingest`: ray files that are fetched instead of sent.
+//! `/v1/ray-sets/ingest`: fetches ray files from URLs instead of receiving them.
 
 use super::api::Api;
 use super::extract::Body;

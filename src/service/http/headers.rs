@@ -1,5 +1,5 @@
-//! Headers that change what a request means: each is honoured or refused, never ignored, and on every route. This is the one place
-//! that judges those which no handler honours. `openapi/README.md` has the table that clients read.
+//! Headers that change the meaning of a request: on every route, each of them is honoured or refused, never ignored. This is the
+//! one place that checks the headers which no handler honours. `openapi/README.md` has the table that clients read.
 
 use super::api::Api;
 use super::openapi::{can_fail, operations};
@@ -169,8 +169,9 @@ enum Tags {
     Some,
 }
 
-/// What must hold of a thing before it is told. Things of JSON have no entity tag and no date of a change, so that no tag is theirs,
-/// and dates are left alone, as RFC 9110, section 13.1.4, has it. Whoever has a tag judges it: its handler.
+/// The conditions of a request, which must hold before a resource is sent or changed. Things of JSON have no entity tag and no
+/// date of a change, so that no tag is theirs, and dates are left alone, as RFC 9110, section 13.1.4, has it. Whoever has a tag
+/// judges it: its handler.
 #[derive(Clone, Copy, Debug, Default)]
 struct Conditions {
     if_match: Option<Tags>,
@@ -203,7 +204,7 @@ impl Conditions {
         }
     }
 
-    /// The answer to whoever looks, if these hold of what it tells.
+    /// The answer to a GET or HEAD request, if these conditions hold for its content.
     fn hold_for(self, response: Response) -> Response {
         let has_tag = response.headers().contains_key(header::ETAG);
         if has_tag || !response.status().is_success() {

@@ -1,4 +1,4 @@
-//! A job as its clients see it.
+//! A job as clients see it, in JSON.
 
 use super::addresses::link;
 use super::api::Api;
@@ -18,7 +18,7 @@ use pipeline::Stage;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-/// Where the artifact `name` of a job is.
+/// Address of the artifact `name` of a job.
 pub fn href(job: &str, name: &str) -> String {
     if name == ZIP {
         return link(&format!("/v1/jobs/{job}/{ZIP}"));
@@ -43,7 +43,7 @@ pub struct Job {
     /// Identifier of this object.
     #[schema(format = Uuid)]
     id: String,
-    /// Where it is.
+    /// State of the job.
     state: JobState,
     /// Fraction of this that is done, 0 to 1.
     #[schema(minimum = 0, maximum = 1)]
@@ -188,7 +188,7 @@ impl From<query::Job> for Job {
 }
 
 impl Job {
-    /// As the answer to a request that would have made it.
+    /// The job as the answer to the request that would have made it, with the field `reused`.
     #[must_use]
     pub fn reused(self, reused: bool) -> Job {
         Job { reused: Some(reused), ..self }
@@ -230,7 +230,7 @@ pub async fn cancel(State(api): State<Api>, access: Access, Path(id): Path<Strin
     accepted(&api, &access, &id).await
 }
 
-/// The job `id` of whoever asks, or 404.
+/// The job `id` of the tenant of the request, or 404.
 pub async fn find(api: &Api, access: &Access, id: &str) -> Result<query::Job, Problem> {
     query::get(&api.storage.records, &access.tenant, id).await?.ok_or_else(|| Problem::no_job(id))
 }
@@ -239,7 +239,7 @@ async fn accepted(api: &Api, access: &Access, id: &str) -> Result<Response, Prob
     Ok(location(StatusCode::ACCEPTED, find(api, access, id).await?.into()))
 }
 
-/// A job that is to be asked for again.
+/// The answer with a job that has not ended: the headers `Location` and `Retry-After`.
 pub fn location(status: StatusCode, job: Job) -> Response {
     let headers = [(header::LOCATION, job.links.this.clone()), (header::RETRY_AFTER, "1".to_owned())];
     (status, headers, Json(job)).into_response()

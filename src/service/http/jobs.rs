@@ -1,4 +1,4 @@
-//! `/v1/jobs`: what is to be computed, how far it is, and why it failed.
+//! `/v1/jobs`: lists, returns and deletes jobs.
 
 use super::addresses::prefix;
 use super::api::Api;

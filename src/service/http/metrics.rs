@@ -53,7 +53,7 @@ pub async fn counted(State(api): State<Api>, request: Request, next: Next) -> Re
     response
 }
 
-/// A method may be any word; only those that mean something here are told apart.
+/// A method may be any word; only the methods that HTTP defines get a label of their own.
 fn known(method: &Method) -> &'static str {
     let all = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"];
     all.into_iter().find(|known| *known == method.as_str()).unwrap_or("other")

@@ -1,16 +1,16 @@
-//! Every route, in one list, and what stands before them.
+//! All routes in one list, and the middleware before them.
 
 /// What handlers take from a request.
 pub mod extract;
-/// Keys and scopes before a route.
+/// API keys and scopes of requests.
 pub mod authorize;
 /// Headers that change what a request means.
 pub mod headers;
-/// How much is let in at once.
+/// Limits on simultaneous requests, their time and their space.
 pub mod load;
 /// Errors as clients see them.
 pub mod problem;
-/// Under which address a request came.
+/// The address of a request and the links in its answer.
 pub mod addresses;
 /// Answers that are sent compressed.
 mod compression;
@@ -18,41 +18,41 @@ mod compression;
 pub mod ranges;
 /// Ray files.
 pub mod ray_sets;
-/// Ray files that come in several requests.
+/// Resumable uploads.
 pub mod uploads;
-/// What their requests and answers are made of.
+/// The headers of the protocol tus.
 pub mod tus;
-/// Ray files from elsewhere.
+/// Fetching ray files from URLs.
 pub mod fetch;
-/// The queries that files are sent with.
+/// The query parameters of uploads.
 pub mod upload_request;
 /// Spectra of channels.
 pub mod spectra;
-/// What is to be computed.
+/// Jobs: listing, reading and deleting them.
 pub mod jobs;
-/// How a job is asked for.
+/// Submitting jobs.
 pub mod submission;
-/// How clients hear of it.
+/// Waiting for jobs, and the stream of their progress.
 pub mod events;
-/// What a job gave.
+/// The artifacts of jobs.
 pub mod artifacts;
-/// Who is told that jobs have ended.
+/// Webhooks.
 pub mod webhooks;
-/// What they were told.
+/// Deliveries of webhooks.
 pub mod deliveries;
-/// Whether the service lives and works.
+/// Health and readiness.
 pub mod health;
-/// Whether the stores work.
+/// The check of the stores for readiness.
 pub mod readiness;
-/// Numbers for who watches over it.
+/// Metrics.
 pub mod metrics;
-/// What it says of every route.
+/// Descriptions that every route shares in the OpenAPI contract.
 pub mod openapi;
 /// The contract, for programs and for people.
 pub mod docs;
 /// A job as its clients see it.
 mod job;
-/// What every handler of a request can use.
+/// The state that every handler can use.
 pub mod api;
 
 use crate::accounts::access::Scope;
@@ -174,7 +174,7 @@ fn routes() -> OpenApiRouter<Api> {
         .merge(with_timeout(watch().merge(can_be_full(relief))))
 }
 
-/// For whoever watches over the service; every process has these.
+/// Routes for monitoring, which every process has.
 fn watch() -> OpenApiRouter<Api> {
     OpenApiRouter::new()
         .routes(headers::honoured(routes!(health::live)))
@@ -182,7 +182,7 @@ fn watch() -> OpenApiRouter<Api> {
         .routes(needs_only(Scope::MetricsRead, routes!(metrics::text)))
 }
 
-/// The service's face.
+/// The router of a process that answers clients.
 pub fn router(api: Api) -> Router {
     let (router, _) = routes().split_for_parts();
     let router = router
@@ -194,12 +194,12 @@ pub fn router(api: Api) -> Router {
     dressed(router, api)
 }
 
-/// The face of a process that only computes: whether it is well, and its numbers.
+/// The router of a process that only computes jobs: health checks and metrics.
 pub fn health_router(api: Api) -> Router {
     dressed(with_timeout(watch()).split_for_parts().0, api)
 }
 
-/// What stands before every route.
+/// Adds the middleware that every route has.
 fn dressed(router: Router<Api>, api: Api) -> Router {
     let layers = ServiceBuilder::new()
         .layer(SetRequestIdLayer::new(REQUEST_ID, NewRequestId))

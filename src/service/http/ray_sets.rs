@@ -1,4 +1,4 @@
-//! `/v1/ray-sets`: ray files, as they came.
+//! `/v1/ray-sets`: uploads, lists, returns and deletes ray sets.
 
 use super::addresses::link;
 use super::api::Api;
@@ -59,7 +59,7 @@ pub struct RaySet {
     metadata: Metadata,
     /// When the upload of the file was complete, epoch ms.
     created_ms: i64,
-    /// Where it is.
+    /// Addresses that belong to the ray set.
     links: RaySetLinks,
 }
 
@@ -208,7 +208,7 @@ pub async fn upload(
     known(&reader, taken).await
 }
 
-/// The answer to whoever brought these ray sets.
+/// The answer to the upload of these ray sets.
 pub(super) async fn known(api: &Api, taken: ray_sets::Taken) -> Result<Response, Problem> {
     let mut answer = Taken { ray_sets: Vec::new(), left_out: taken.left_out };
     for row in taken.ray_sets {
@@ -261,7 +261,7 @@ pub async fn get(State(api): State<Api>, access: Access, Path(id): Path<String>)
     Ok(Json(RaySet::inspected(&api, find(&api, &access, &id).await?).await?))
 }
 
-/// The ray set `id` of whoever asks, or 404.
+/// The ray set `id` of the tenant of the request, or 404.
 async fn find(api: &Api, access: &Access, id: &str) -> Result<rows::RaySet, Problem> {
     let row = rows::get(&api.storage.records, &access.tenant, id).await?;
     row.ok_or_else(|| Problem::no_ray_set(id))

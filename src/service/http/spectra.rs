@@ -1,4 +1,4 @@
-//! `/v1/spectra`: spectra of channels, from files of their own.
+//! `/v1/spectra`: spectra of channels, read from spectrum files.
 
 use super::addresses::link;
 use super::api::Api;
@@ -48,7 +48,7 @@ pub struct Spectrum {
     notices: Vec<StoredNotice>,
     /// When the file was uploaded, epoch ms.
     created_ms: i64,
-    /// Where it is.
+    /// Addresses that belong to the spectrum.
     links: SpectrumLinks,
 }
 

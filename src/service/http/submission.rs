@@ -1,4 +1,4 @@
-//! `POST /v1/jobs`: how a job is asked for, once, again, or only to know what it would come to.
+//! `POST /v1/jobs`: submits a job, repeats a submission, or estimates a job.
 
 use super::api::Api;
 use super::extract::{Body, Query};

@@ -1,4 +1,5 @@
-//! tus 1.0.0 (tus.io/protocols/resumable-upload): its headers, read and written, and what holds for every request and answer.
+//! The protocol tus 1.0.0 (tus.io/protocols/resumable-upload): reads and writes its headers, and applies its rules for every
+//! request and answer.
 
 use super::api::Api;
 use super::problem::Problem;
@@ -14,9 +15,9 @@ use base64::engine::general_purpose::STANDARD as BASE64;
 use serde_json::{Map, Value};
 use std::time::{Duration, SystemTime};
 
-/// Where uploads are that speak it.
+/// Path of the resumable uploads.
 pub const PATH: &str = "/v1/uploads";
-/// The media type of bytes that are added to an upload.
+/// Media type of the bytes that a request appends to an upload.
 pub const MEDIA_TYPE: &str = "application/offset+octet-stream";
 /// The same bytes from clients that were generated from the contract: their generators know no other type of bytes.
 pub const PLAIN_TYPE: &str = "application/octet-stream";
@@ -27,29 +28,29 @@ const EXTENSIONS: &str =
 /// Most partial uploads that a final one is made of; a piece named several times counts as often.
 const MAX_PARTIALS: usize = 100;
 
-/// Which version a request or an answer speaks.
+/// Version of tus of a request or an answer.
 pub const RESUMABLE: HeaderName = HeaderName::from_static("tus-resumable");
-/// How much is there, or where a request goes on, bytes.
+/// Number of bytes received, or the offset that a request continues at.
 pub const OFFSET: HeaderName = HeaderName::from_static("upload-offset");
-/// Length of the whole, bytes.
+/// Length of the whole file, bytes.
 pub const LENGTH: HeaderName = HeaderName::from_static("upload-length");
-/// `1`: the length is said later.
+/// `1`: a later request gives the length.
 pub const DEFER_LENGTH: HeaderName = HeaderName::from_static("upload-defer-length");
-/// What is said of the file.
+/// Metadata of the file.
 pub const METADATA: HeaderName = HeaderName::from_static("upload-metadata");
-/// When the upload is forgotten.
+/// When the upload expires.
 pub const EXPIRES: HeaderName = HeaderName::from_static("upload-expires");
-/// Whether the upload is a piece of a file, or made of pieces.
+/// Whether the upload is a partial upload, or a final upload made of partial ones.
 pub const CONCAT: HeaderName = HeaderName::from_static("upload-concat");
 const METHOD_OVERRIDE: HeaderName = HeaderName::from_static("x-http-method-override");
-/// What the bytes of a request are, by a digest.
+/// Checksum of the bytes of a request.
 pub const CHECKSUM: HeaderName = HeaderName::from_static("upload-checksum");
 const VERSIONS: HeaderName = HeaderName::from_static("tus-version");
 const EXTENSION: HeaderName = HeaderName::from_static("tus-extension");
 const MAX_SIZE: HeaderName = HeaderName::from_static("tus-max-size");
 const CHECKSUM_ALGORITHM: HeaderName = HeaderName::from_static("tus-checksum-algorithm");
 
-/// What pages of other origins may see of an answer.
+/// Headers of an answer that web pages of other origins may read.
 pub const SEEN: [HeaderName; 11] = [
     RESUMABLE,
     OFFSET,
@@ -64,8 +65,8 @@ pub const SEEN: [HeaderName; 11] = [
     CHECKSUM_ALGORITHM,
 ];
 
-/// A request with the method that it means, as tus has it for clients that cannot say PATCH or DELETE. Before its route is
-/// chosen.
+/// Replaces the method of a request by that in `X-HTTP-Method-Override`, which tus has for clients that cannot send PATCH or
+/// DELETE. Must run before the route is chosen.
 pub async fn override_method(mut request: Request) -> Request {
     if is_ours(request.uri().path())
         && let Some(Ok(method)) = method_override(&request)
@@ -75,7 +76,7 @@ pub async fn override_method(mut request: Request) -> Request {
     request
 }
 
-/// Whether a path is one of those that speak it.
+/// Whether a path belongs to the resumable uploads.
 pub fn is_ours(path: &str) -> bool {
     path == PATH || path.strip_prefix(PATH).is_some_and(|rest| rest.starts_with('/'))
 }
@@ -86,7 +87,7 @@ fn method_override(request: &Request) -> Option<Result<Method, Problem>> {
     Some(Method::from_bytes(said.as_bytes()).map_err(wrong))
 }
 
-/// Answers what the service can do (OPTIONS), refuses other versions, and names ours in every answer.
+/// Answers OPTIONS with the supported extensions, refuses other versions of tus, and names the version in every answer.
 pub async fn speak(State(api): State<Api>, request: Request, next: Next) -> Response {
     if !is_ours(request.uri().path()) {
         return next.run(request).await;
@@ -132,7 +133,7 @@ fn spoken(request: &Request) -> Result<(), Problem> {
     }
 }
 
-/// Whether anything is behind its method: where nothing is, that is what it is told, in any version.
+/// Whether the request has a route: without one, it is answered with 404 or 405 in any version of tus.
 fn is_route(request: &Request) -> bool {
     let is_list = request.uri().path() == PATH;
     match *request.method() {
@@ -150,7 +151,7 @@ pub fn tell(headers: &mut HeaderMap, name: HeaderName, value: &str) {
     }
 }
 
-/// A moment as headers write it.
+/// A time in the format of HTTP headers.
 pub fn date(epoch_ms: i64) -> String {
     httpdate::fmt_http_date(SystemTime::UNIX_EPOCH + Duration::from_millis(epoch_ms.max(0).unsigned_abs()))
 }
@@ -159,7 +160,7 @@ fn text<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Option<&'a str> {
     headers.get(name).map(|value| value.to_str().unwrap_or("?"))
 }
 
-/// A header that counts bytes.
+/// Reads a header whose value is a number of bytes.
 ///
 /// # Errors
 /// `request.malformed_header`.
@@ -170,7 +171,7 @@ pub fn bytes(headers: &HeaderMap, name: &HeaderName) -> Result<Option<u64>, Prob
     text(headers, name).map(read).transpose()
 }
 
-/// The length that an upload begins with; `None` when it is said later.
+/// The length of a new upload; `None` if a later request gives it.
 ///
 /// # Errors
 /// `request.malformed_header`: neither or both are said.
@@ -185,7 +186,7 @@ pub fn length(headers: &HeaderMap) -> Result<Option<u64>, Problem> {
     }
 }
 
-/// Whether an upload is to be a piece of a file, or made of pieces.
+/// Reads `Upload-Concat`: whether a new upload is whole, partial or final.
 ///
 /// # Errors
 /// `request.malformed_header`, `request.out_of_range`: too many pieces.
@@ -225,7 +226,7 @@ fn upload_id(url: &str) -> Option<String> {
     (is_ours && is_id).then(|| id.to_owned())
 }
 
-/// What is said of the bytes of a request.
+/// Reads the checksum of the bytes of a request.
 ///
 /// # Errors
 /// `request.malformed_header`.
@@ -241,18 +242,18 @@ pub fn checksum(headers: &HeaderMap) -> Result<Option<Checksum>, Problem> {
     Checksum::new(algorithm, digest).map(Some).ok_or_else(wrong)
 }
 
-/// `Upload-Metadata`, read.
+/// The parsed `Upload-Metadata`.
 #[derive(Default)]
 pub struct Metadata {
-    /// As it was sent.
+    /// The header as the client sent it.
     pub sent: String,
-    /// The name and what is declared, in the words of the query that files are sent with.
+    /// The name and the declarations, the same as in the query of `POST /v1/ray-sets`.
     pub query: UploadQuery,
-    /// SHA-256 of the whole, lower-case hex.
+    /// SHA-256 of the whole file, lower-case hex.
     pub sha256: Option<String>,
 }
 
-/// What is said of the whole file. Keys that mean nothing here are kept and not judged: clients have their own.
+/// Reads `Upload-Metadata`. Keys that the service does not know are kept and not checked, because clients have their own.
 ///
 /// # Errors
 /// `request.malformed_header`; what the query of a plain upload is refused for.

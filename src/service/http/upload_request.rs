@@ -1,4 +1,4 @@
-//! The queries that files are sent with, a name and how to read a ray file that does not say, and those they are found by.
+//! The query parameters of uploads (name, declarations, metadata) and of the list of ray sets.
 
 use super::extract::Page;
 use super::problem::{Problem, SEND_THE_FILE};
@@ -11,10 +11,10 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use serde::Deserialize;
 
-/// Longest name of anything.
+/// Longest name of a file, a channel or a spectrum, characters.
 pub const MAX_NAME_CHARS: usize = 255;
 
-/// How an upload is called.
+/// The query parameter that names an uploaded file.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
@@ -24,7 +24,8 @@ pub struct Naming {
     pub name: Option<String>,
 }
 
-/// How a ray file is called, and what is declared of it or of every file in it.
+/// The query parameters of an upload of a ray file: its name, its metadata, and declarations about it or about every file in an
+/// archive.
 #[derive(Debug, Default, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
@@ -49,7 +50,7 @@ pub struct UploadQuery {
 }
 
 impl UploadQuery {
-    /// What it declares.
+    /// The declarations of the query.
     ///
     /// # Errors
     /// `rays.column_unknown`.
@@ -83,10 +84,10 @@ pub struct RaySetPage {
     pub after: Option<String>,
 }
 
-/// What the headers and the query say of the file to come; `nameless` is what it is called where they say nothing.
+/// Reads what the headers and the query announce about a file; `nameless` is its name if they give none.
 ///
 /// # Errors
-/// A form, a header or a name that cannot be meant.
+/// The body is a form, or a header or the name is not valid.
 pub fn announcement(name: Option<String>, headers: &HeaderMap, nameless: &str) -> Result<Announcement, Problem> {
     let text = |name: HeaderName| headers.get(&name).and_then(|value| value.to_str().ok());
     let media_type = text(header::CONTENT_TYPE).unwrap_or_default().to_ascii_lowercase();
@@ -137,7 +138,7 @@ pub fn file_name(disposition: &str) -> Option<String> {
     extended.or_else(|| parameter("filename"))
 }
 
-/// `%20` and its like as what they stand for.
+/// Decodes percent-encoded characters such as `%20`.
 pub(super) fn percent_decoded(text: &str) -> String {
     let mut bytes = Vec::new();
     let mut rest = text.bytes();

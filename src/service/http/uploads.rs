@@ -1,4 +1,4 @@
-//! `/v1/uploads`: ray files that come in several requests, after tus 1.0.0.
+//! `/v1/uploads`: resumable uploads of ray files (tus 1.0.0).
 
 use super::addresses::link;
 use super::api::Api;
@@ -63,7 +63,7 @@ pub struct Upload {
     created_ms: i64,
     /// When the upload expires if no more bytes arrive, epoch ms. Ray sets that were made of it do not expire with it.
     expires_ms: i64,
-    /// Where it is.
+    /// Addresses that belong to the upload.
     links: UploadLinks,
 }
 

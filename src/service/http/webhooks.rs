@@ -1,4 +1,4 @@
-//! `/v1/webhooks`: who is told that jobs have ended.
+//! `/v1/webhooks`: URLs that receive an event when a job ends.
 
 use super::addresses::link;
 use super::api::Api;
@@ -213,7 +213,7 @@ pub async fn get(State(api): State<Api>, access: Access, Path(id): Path<String>)
     Ok(Json(find(&api, &access, &id).await?.into()))
 }
 
-/// The endpoint `id` of whoever asks, or 404.
+/// The webhook `id` of the tenant of the request, or 404.
 pub(super) async fn find(api: &Api, access: &Access, id: &str) -> Result<Endpoint, Problem> {
     endpoints::get(&api.storage.records, &access.tenant, id).await?.ok_or_else(|| Problem::no_webhook(id))
 }
@@ -257,7 +257,7 @@ pub async fn change(
 /// Makes a new signing secret for a webhook
 ///
 /// The secret before it signs too for one day: `webhook-signature` then has two signatures, and either is valid. If the request
-/// is repeated within that day, the oldest secret of the two goes on signing.
+/// is repeated within that day, the secret that signed before the first of these requests goes on signing.
 #[utoipa::path(
     post, path = "/v1/webhooks/{id}/secret", tag = "webhooks", operation_id = "rotate_webhook_secret",
     params(("id" = String, Path, description = "the webhook")),

@@ -15,18 +15,19 @@ use sha2::{Digest, Sha256};
 /// Names the computation that this build has: another one may give other bytes (`build.rs`).
 pub const PIPELINE: &str = env!("LAMPWRIGHT_PIPELINE");
 
-/// What a job will be, as the headers of its files tell.
+/// What is known of a job before it is queued: its size, its need of memory and the digest of its content, from the headers of
+/// its files.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct JobPlan {
-    /// Rays of all channels together.
+    /// Number of rays of all channels together.
     pub ray_count: u64,
-    /// Bytes of their files.
+    /// Length of the files of all channels together, bytes.
     pub byte_count: u64,
-    /// Most memory that computing it is expected to need, bytes,
+    /// Expected peak memory of the computation on [`JobPlan::memory_threads`] threads, bytes.
     pub memory_bytes: u64,
-    /// on so many threads,
+    /// Number of threads that [`JobPlan::memory_bytes`] is for.
     pub memory_threads: usize,
-    /// and for each further one.
+    /// Expected memory for each further thread, bytes.
     pub thread_bytes: u64,
     /// SHA-256 of everything its artifacts follow from, lower-case hex: equal for jobs that give the same bytes.
     pub content_sha256: Option<String>,
@@ -86,7 +87,7 @@ impl ChannelSource {
     }
 }
 
-/// Judges a job that `tenant` wants, computed on `threads` threads.
+/// Checks a job that `tenant` requests and estimates it for a computation on `threads` threads.
 ///
 /// # Errors
 /// [`Error::MissingRaySet`], [`Error::MissingSpectrum`], [`Error::Unfit`], [`Error::Storage`].

@@ -20,7 +20,7 @@ macro_rules! needed {
 }
 pub(super) use needed;
 
-/// What the jobs of this process may need together. Cheap to clone.
+/// The memory budget for all jobs of this process. Cheap to clone.
 #[derive(Clone)]
 pub struct Memory {
     limit_bytes: u64,
@@ -29,17 +29,17 @@ pub struct Memory {
     metrics: Metrics,
 }
 
-/// A job that can never be begun.
+/// A job that needs more memory than the budget of this process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the job needs {needed_bytes} bytes of memory, and there are {limit_bytes}")]
 pub struct TooLarge {
-    /// What it is expected to need, bytes.
+    /// Expected memory of the job, bytes.
     pub needed_bytes: u64,
-    /// What all jobs of a process may need together, bytes.
+    /// Memory budget for all jobs of one process, bytes.
     pub limit_bytes: u64,
 }
 
-/// A job's share of it; given back when the last clone is dropped.
+/// Memory that is reserved for a job; returned to the budget when the last clone is dropped.
 #[derive(Clone, Debug, Default)]
 pub struct MemoryReservation {
     _share: Option<Arc<Share>>,
@@ -67,7 +67,7 @@ impl Memory {
         self.limit_bytes
     }
 
-    /// Whether a job that needs so much can ever be begun here.
+    /// Checks whether a job that needs so much memory can ever start in this process.
     ///
     /// # Errors
     /// It cannot.
@@ -81,7 +81,7 @@ impl Memory {
         self.turn.lock().await
     }
 
-    /// Takes `bytes` of what is left; `None` when less is. To be asked in one's turn.
+    /// Reserves `bytes` of the rest of the budget; `None` if the rest is smaller. The caller must hold [`Memory::turn`].
     pub fn reserve(&self, bytes: u64) -> Option<MemoryReservation> {
         let used = self.used_bytes.load(Ordering::Relaxed);
         let fits = used.saturating_add(bytes) <= self.limit_bytes;
@@ -93,12 +93,12 @@ impl Memory {
         })
     }
 
-    /// No job waits for it.
+    /// Notes that no job waits for memory.
     pub fn nobody_waits(&self) {
         self.metrics.waits_for_memory(false);
     }
 
-    /// What is held, bytes.
+    /// Memory that is reserved at present, bytes.
     pub fn used_bytes(&self) -> u64 {
         self.used_bytes.load(Ordering::Relaxed)
     }

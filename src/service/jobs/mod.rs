@@ -18,7 +18,7 @@ pub mod queue;
 pub mod submit;
 /// Who is next.
 mod claim;
-/// What becomes of jobs whose worker was lost, and of those that nobody can begin.
+/// Recovery of jobs whose worker was lost, and of jobs that no worker can start.
 mod recovery;
 /// Places that tenants share.
 pub mod shares;
@@ -47,7 +47,7 @@ pub enum State {
     Succeeded,
     /// It has a problem.
     Failed,
-    /// Nobody wants it any more.
+    /// A client cancelled the job.
     Cancelled,
 }
 
@@ -96,7 +96,7 @@ pub const TRANSITIONS: [(State, State, &str); 8] = [
         "stop; release, when asked before; retry, when asked before; sweep, when asked before",
     ),
     (State::Running, State::Queued, "release; retry, when a store did not answer; sweep, when the worker was lost"),
-    (State::Running, State::Running, "beat"),
+    (State::Running, State::Running, "renew_lease"),
 ];
 
 impl State {

@@ -1,5 +1,5 @@
-//! What a client may choose, as sent and as stored. Every field may be left out; what is left out is the pipeline's
-//! default. The pipeline says what can be used, here before anything is queued.
+//! Options of a job, as clients send them and as they are stored. Every field may be left out; the pipeline has the defaults. The
+//! pipeline checks the values before the job is queued.
 
 use pipeline::Axis;
 use serde::{Deserialize, Serialize};

@@ -19,20 +19,20 @@ use tokio::time::{Instant, timeout};
 
 /// Most jobs kept: about 10 MB of ordinary ones.
 const JOBS: usize = 2048;
-/// Most channels and notices of a job that is kept; one with more is read whenever somebody asks for it.
+/// Most channels and notices of a job that is kept; a job with more is read from the database for every request.
 const LINES: usize = 24;
 /// Length of an identifier of ours, characters; nothing else is remembered.
 const ID_CHARS: usize = 36;
-/// Reads at once of different jobs; those of one job take turns.
+/// Largest number of simultaneous reads of different jobs; reads of one job take turns.
 const TURNS: usize = 64;
 /// Longest wait for another's read of the same job.
 const LONGEST_TURN: Duration = Duration::from_millis(100);
-/// Nobody asked for so many polls: the job is forgotten.
+/// Number of polls without a request after which a job is removed from the cache.
 const IDLE_POLLS: u32 = 30;
 /// So many polls without a comparison, and a job is not believed any more: the database did not answer.
 const BELIEVED_POLLS: u32 = 3;
 
-/// A job as it was read, and the answer that was made of it.
+/// A job that was read from the database, with the HTTP answer that was made of it.
 #[derive(Debug)]
 pub struct KnownJob {
     /// The job.
@@ -75,7 +75,7 @@ enum Found {
     Nothing,
 }
 
-/// The jobs that are remembered. Cheap to clone.
+/// The cache of jobs that clients asked for lately. Cheap to clone.
 #[derive(Clone)]
 pub struct Recent(Arc<Shared>);
 
@@ -168,18 +168,19 @@ impl Recent {
         Ok(None)
     }
 
-    /// This process has changed the job `id` of `tenant`, or may have.
+    /// Removes the job `id` of `tenant` from the cache, because this process has changed it, or may have.
     pub fn invalidate(&self, tenant: &str, id: &str) {
         self.0.entries().jobs.remove(&key(tenant, id));
     }
 
-    /// This process has changed which jobs of `tenant` wait, or their order: the places of the others are not what they were.
+    /// Removes all queued jobs of `tenant` from the cache, because this process has changed which of them are queued, or their
+    /// order, and so their positions.
     pub fn invalidate_waiting(&self, tenant: &str) {
         let waits = |entry: &Entry| entry.known.as_ref().is_none_or(|known| known.job.queue_position.is_some());
         self.0.entries().jobs.retain(|_, entry| entry.tenant != tenant || !waits(entry));
     }
 
-    /// This process has changed jobs whose names it does not know.
+    /// Removes all jobs from the cache, because this process has changed jobs whose identifiers it does not know.
     pub fn invalidate_all(&self) {
         self.0.entries().jobs.clear();
     }

@@ -1,5 +1,5 @@
-//! What a source is made of, as sent and as stored: ray sets, and what a client says of each. The pipeline says what can be
-//! one source, here before anything is queued.
+//! The channels of a source, as clients send them and as they are stored: ray sets with declarations. The pipeline checks whether
+//! they form one source before the job is queued.
 
 use super::Priority;
 use super::options::JobOptions;
@@ -121,7 +121,7 @@ pub enum TotalFlux {
 }
 
 impl NewJob {
-    /// A job of one ray set of which nothing is said, with default options.
+    /// A job of one ray set without declarations, with default options.
     pub fn of(ray_set: &str) -> NewJob {
         NewJob {
             channels: vec![Channel::of(ray_set)],
@@ -136,12 +136,12 @@ impl NewJob {
 }
 
 impl Channel {
-    /// A ray set of which nothing is said.
+    /// A channel of a ray set without declarations.
     pub fn of(ray_set: &str) -> Channel {
         Channel { ray_set: ray_set.to_owned(), ..Channel::default() }
     }
 
-    /// The uploaded spectrum it names.
+    /// Identifier of the uploaded spectrum that the channel names.
     pub fn spectrum_id(&self) -> Option<&str> {
         match &self.spectrum {
             Some(SpectrumChoice::Id(id)) => Some(id),
@@ -149,7 +149,7 @@ impl Channel {
         }
     }
 
-    /// The same, obeying `file` in what it does not say itself.
+    /// The channel with the declarations of `file` where it has none of its own.
     pub fn or(self, file: &FileDeclaration) -> Channel {
         Channel {
             length_unit: self.length_unit.or(file.length_unit),
@@ -181,7 +181,7 @@ impl Channel {
 
 fn table(index: usize, points: &[(f64, f64)]) -> Result<Table, Error> {
     Table::new(points).ok_or_else(|| {
-        let found = "The points are no spectrum.";
+        let found = "The points do not form a valid spectrum.";
         let remedy = "Give wavelengths in nm, positive and increasing, with values of 0 or more, one of them above 0.";
         Error::undeclarable("rays.spectrum_points", Place::Channel(index, "spectrum"), found, remedy)
     })

@@ -15,15 +15,15 @@ use crate::{crash, storage};
 use sha2::{Digest, Sha256};
 use std::time::Duration;
 
-/// How long a key means the job it made.
+/// How long an Idempotency-Key is remembered.
 pub const KEY_LIFE: Duration = Duration::from_hours(24);
 
-/// A request under a key of its client's: however often it comes, it makes one job.
+/// A request with an Idempotency-Key: however often it arrives, it makes one job.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Keyed {
-    /// The client's word, unique within its tenant.
+    /// The key that the client chose, unique within its tenant.
     pub key: String,
-    /// SHA-256 of what was asked for, lower-case hex.
+    /// SHA-256 of the request, lower-case hex.
     pub request_sha256: String,
 }
 
@@ -37,12 +37,12 @@ impl Keyed {
     }
 }
 
-/// What came of a request.
+/// The job that a request is answered with.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Queued {
-    /// The job.
+    /// Identifier of the job.
     pub id: String,
-    /// It was there before.
+    /// Whether the job existed before the request.
     pub reused: bool,
 }
 
@@ -50,8 +50,8 @@ pub struct Queued {
 const BATCH: i64 = 1000;
 
 /// What gives, or gave, the same ($2) to the tenant ($1), and nobody wants it to end: it has succeeded, or runs and may take as
-/// long as is asked ($5, ms; -1: as long as any), or waits and can be begun here (with $3 bytes on $4 threads). It has the metadata
-/// that are sent ($6), unless none are: whoever looks for a job by its metadata must find it.
+/// long as is asked ($5, ms; -1: as long as any), or waits and can be begun here (with $3 bytes on $4 threads). It has the
+/// metadata that are sent ($6), unless none are: a client that searches for a job by its metadata must find it.
 macro_rules! equal {
     ($before:literal, $after:literal) => {
         concat!(
@@ -67,8 +67,8 @@ macro_rules! equal {
 }
 
 const EQUAL: &str = equal!("", "");
-/// It is used now, as urgent as the more urgent of the two ($7), and while it waits it may take the longer of both times.
-/// Whoever cancels or deletes it does not hold the tenant's row: it may be another's last moment.
+/// It is used now, as urgent as the more urgent of the two ($7), and while it waits it may take the longer of both times. A
+/// request that cancels or deletes the job does not lock the row of the tenant, so that the job may change at this moment.
 const REUSE: &str = equal!(
     "UPDATE jobs SET used_ms = {now}, priority = CASE WHEN $7 < priority THEN $7 ELSE priority END, \
      timeout_ms = CASE WHEN state <> 'queued' THEN timeout_ms WHEN $5 = -1 THEN NULL \
@@ -77,7 +77,7 @@ const REUSE: &str = equal!(
 );
 
 impl Queue {
-    /// What a request under this key came to before, if it came.
+    /// The job that an earlier request with this Idempotency-Key made, if there was one.
     ///
     /// # Errors
     /// [`Error::KeyReused`] for another request, [`Error::KeySpent`] when its job was deleted, [`Error::Storage`].
@@ -96,7 +96,7 @@ impl Queue {
         row.map(|row| row.text("id")).transpose()
     }
 
-    /// Accepts a job of `tenant`: from here on it will be done, whatever happens to this process.
+    /// Queues a job of `tenant`: once this returns, the job will be computed even if this process fails.
     ///
     /// # Errors
     /// [`Error::MissingRaySet`], [`Error::MissingSpectrum`], [`Error::TooLarge`], [`Error::Quota`]; as [`Queue::answered`].
@@ -207,7 +207,7 @@ impl Queue {
         Ok(id)
     }
 
-    /// Forgets the oldest keys that mean nothing any more, up to 1000; how many.
+    /// Deletes the oldest expired Idempotency-Keys, up to 1000, and returns their number.
     ///
     /// # Errors
     /// The database did not answer.
@@ -220,7 +220,7 @@ impl Queue {
     }
 }
 
-/// Nobody deletes the ray set or the spectrum before the job that needs it is known.
+/// Locks the ray set and the spectrum, so that they cannot be deleted before the job that needs them is stored.
 async fn insert_channel(
     transaction: &mut Transaction,
     tenant: &str,

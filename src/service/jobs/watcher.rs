@@ -1,4 +1,4 @@
-//! Tells clients that their jobs change: one reader of the database for everybody who waits in this process, not one each.
+//! Reports changes of jobs to the clients that wait for them: one reader of the database for all clients of this process.
 
 use super::query;
 use super::query::JobStatus;
@@ -11,16 +11,16 @@ use std::time::Duration;
 use tokio::sync::{Notify, watch};
 use tokio::time::{Instant, sleep, sleep_until};
 
-/// Least time between two looks: what changes together is told together.
+/// Least time between two looks, so that changes at the same time are reported together.
 const GAP: Duration = Duration::from_millis(50);
 
-/// Those who wait, and what they wait for. Cheap to clone.
+/// The waiting clients and their jobs. Cheap to clone.
 #[derive(Clone)]
 pub struct Watcher(Arc<Shared>);
 
 struct Shared {
     watched: Mutex<Watched>,
-    /// Somebody began to wait.
+    /// A client began to wait.
     begun: Notify,
     places: Shares,
 }
@@ -59,8 +59,8 @@ impl Watcher {
         Some(Watching { id: id.to_owned(), known, since, news, shared: Arc::clone(&self.0), _place: place })
     }
 
-    /// Looks at the jobs that somebody waits for: when this process `changes` a job, and every `poll` for what others changed; with
-    /// the latter at the `recent` ones too. Without either the database is left alone.
+    /// Reads the jobs that clients wait for: when this process `changes` a job, and every `poll` for the changes of other
+    /// processes; with the latter at the `recent` ones too. Without either the database is left alone.
     pub async fn keep_up(self, records: Records, recent: Recent, mut changes: watch::Receiver<()>, poll: Duration) {
         let mut next = Instant::now();
         loop {
@@ -121,7 +121,7 @@ impl Shared {
     }
 }
 
-/// One client that waits; dropped, it does not.
+/// One client that waits for changes of a job, until this is dropped.
 pub struct Watching {
     id: String,
     known: JobStatus,
@@ -132,7 +132,7 @@ pub struct Watching {
 }
 
 impl Watching {
-    /// How the job is, once that differs from what is known; `None` when it is not there any more.
+    /// The next status of the job that differs from the known one; `None` when the job is deleted.
     pub async fn next(&mut self) -> Option<JobStatus> {
         loop {
             self.news.changed().await.ok()?;

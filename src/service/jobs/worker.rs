@@ -1,4 +1,4 @@
-//! Takes jobs from the queue and computes them: the only caller of [`pipeline::run`], on threads that serve nobody else.
+//! Claims jobs of the queue and computes them: the only caller of [`pipeline::run`], on threads of its own.
 
 use super::ZIP;
 use super::options::JobOptions;
@@ -28,12 +28,12 @@ use tokio::time::{Instant, MissedTickBehavior, interval, sleep};
 use tokio_util::sync::CancellationToken;
 use tracing::Instrument;
 
-/// What a job is computed into.
+/// The result of a computed job.
 #[derive(Debug, Default)]
 pub struct Product {
-    /// Its files, [`ZIP`] last.
+    /// The artifacts of the job, [`ZIP`] last.
     pub artifacts: Vec<Artifact>,
-    /// What was repaired, dropped or odd.
+    /// Notices about data that was repaired, dropped or unusual.
     pub notices: Vec<Notice>,
 }
 
@@ -52,28 +52,28 @@ pub fn pipeline_runner() -> Runner {
     })
 }
 
-/// What a worker needs. Cheap to clone.
+/// A worker: claims jobs of the queue, computes them and stores their artifacts. Cheap to clone.
 #[derive(Clone)]
 pub struct Worker {
-    /// Where bytes are.
+    /// The database and the object store.
     pub storage: Storage,
-    /// Where jobs are.
+    /// The queue that jobs are claimed from.
     pub queue: Queue,
-    /// How they are computed.
+    /// The function that computes a job.
     pub runner: Runner,
-    /// What a ray file may ask of this machine.
+    /// Limits for ray files on this machine.
     pub limits: Limits,
-    /// How often an idle worker looks.
+    /// How often an idle worker looks for a job.
     pub poll: Duration,
-    /// How often a busy one beats.
+    /// How often a busy worker renews the lease of its job.
     pub renew_every: Duration,
-    /// How long a job that is computed waits for room in the store.
+    /// How long a computed job waits for free space in the object store.
     pub patience: Duration,
-    /// What is counted.
+    /// The metrics of this process.
     pub metrics: Metrics,
-    /// Take no more jobs.
+    /// Once cancelled, the worker claims no more jobs.
     pub stop: CancellationToken,
-    /// Give back those at hand.
+    /// Once cancelled, the worker puts its running jobs back into the queue.
     pub release: CancellationToken,
 }
 
@@ -92,9 +92,9 @@ struct Stored {
 enum Ending {
     Published(Vec<StoredArtifact>, Vec<StoredNotice>),
     Failed(Failure),
-    /// A store did not answer: not the job's fault, and another attempt may do better.
+    /// The database or the object store did not answer: the job is not at fault, and another attempt may succeed.
     StoreFailed(Failure),
-    /// It saw that nobody wants it.
+    /// The computation stopped because it was told to.
     Stopped,
 }
 
@@ -112,7 +112,8 @@ enum StopReason {
 }
 
 impl Worker {
-    /// Works on `concurrency` jobs at once, each on `threads` threads, until told to stop.
+    /// Starts `concurrency` slots, each of which computes one job at a time on `threads` threads, until [`Worker::stop`] is
+    /// cancelled.
     ///
     /// # Errors
     /// The threads cannot be had.
@@ -197,7 +198,7 @@ impl Worker {
         if self.retry_until_answered("finish", || self.queue.finish(claim, artifacts, notices)).await {
             return "succeeded";
         }
-        // Cancelled between the last beat and now, or another's.
+        // Cancelled since the last renewal of the lease, or taken over by another worker.
         if self.retry_until_answered("stop", || self.queue.stop(claim)).await { "cancelled" } else { "lost" }
     }
 
@@ -209,7 +210,8 @@ impl Worker {
         if self.retry_until_answered("fail", || self.queue.fail(claim, failure)).await { "failed" } else { "lost" }
     }
 
-    /// Waits for `work`, renewing the lease and passing on what the clients and the operator want.
+    /// Runs `work` to its end while the lease is renewed; stops it when a client cancels the job, the service stops, the lease is
+    /// lost or the time is over.
     async fn supervise(
         &self,
         claim: &Claim,
@@ -342,7 +344,7 @@ impl Worker {
         Ending::Published(stored, notices)
     }
 
-    /// Asks the database until it answers: what is lost here is a whole computation.
+    /// Repeats a statement until the database answers, because the result of a whole computation would be lost otherwise.
     async fn retry_until_answered<F: Future<Output = Result<bool, storage::Error>>>(
         &self,
         what: &str,
@@ -368,7 +370,8 @@ impl Worker {
     }
 }
 
-/// How an attempt ends that met this error: what is not the input's is logged here, for no client hears of it.
+/// The ending of an attempt that failed with this error. Errors that the input did not cause are logged here, because clients do
+/// not see their details.
 fn failed(claim: &Claim, error: &pipeline::Error) -> Ending {
     let (job, attempt, failure) = (&claim.id, claim.attempt, Failure::from(error));
     match Cause::from(error) {
@@ -385,7 +388,7 @@ fn failed(claim: &Claim, error: &pipeline::Error) -> Ending {
     }
 }
 
-/// How far a run is, and whether it is still wanted: written by many threads, read by the beat.
+/// Progress of a computation, and whether it is to stop: written by many threads, read when the lease is renewed.
 #[derive(Default)]
 struct Progress {
     /// Stage number from 1, then its fraction in 2⁻³², so that larger is later whichever thread reports last.

@@ -1,5 +1,5 @@
-//! A file that is still coming, read as if it were whole: who reads beyond what has come waits for it. What is being stored is
-//! read from memory, what is stored from the store.
+//! A file that is still arriving, read as if it were whole: a read beyond the bytes that have arrived waits for them. Bytes that
+//! are not stored yet are read from memory, stored ones from the object store.
 
 use crate::storage::blobs::Blobs;
 use crate::storage::parts::{Part, PartReader};
@@ -26,17 +26,17 @@ pub(super) struct Arriving {
 /// What has come of it.
 #[derive(Default)]
 struct Come {
-    /// How much, bytes.
+    /// Number of bytes that have arrived.
     byte_count: u64,
-    /// Stored parts, each with its offset in the file.
+    /// Stored parts of the file, each with its offset.
     stored: Vec<(u64, Part)>,
-    /// What came after them, each with its offset.
+    /// Bytes after the stored parts, each piece with its offset.
     at_hand: VecDeque<(u64, Bytes)>,
-    /// Nobody wants to read on.
+    /// The inspection has stopped.
     stopped: bool,
 }
 
-/// Where a byte is.
+/// Where a byte of an arriving file is.
 enum ByteLocation {
     /// In memory, so many bytes after the beginning of these.
     AtHand(Bytes, u64),
@@ -81,7 +81,7 @@ impl Arriving {
         }
     }
 
-    /// Ends all waiting: no more will come, or nobody wants it.
+    /// Ends all waiting, because no more bytes will arrive, or the inspection has stopped.
     pub fn stop(&self) {
         self.come().stopped = true;
         self.more.notify_all();
@@ -100,14 +100,17 @@ impl Arriving {
                 return Ok(place);
             }
             if come.stopped {
-                return Err(io::Error::other("nobody waits for this file any more"));
+                return Err(io::Error::other("the file is not needed any more"));
             }
             let before = come.byte_count;
             let is_silent = |come: &mut Come| come.byte_count == before && !come.stopped;
             let waited = self.more.wait_timeout_while(come, self.patience, is_silent);
             let (now, waited) = waited.unwrap_or_else(PoisonError::into_inner);
             if waited.timed_out() {
-                return Err(io::Error::new(io::ErrorKind::TimedOut, "the file comes too slowly to be waited for"));
+                return Err(io::Error::new(
+                    io::ErrorKind::TimedOut,
+                    "the file arrives too slowly for an inspection on the way",
+                ));
             }
             come = now;
         }

@@ -94,7 +94,7 @@ pub fn columns(index: usize, names: &[String]) -> Result<Vec<pipeline::Column>, 
         pipeline::Column::from_name(name).ok_or_else(|| {
             let known = pipeline::Column::ALL.map(pipeline::Column::name).join(", ");
             let place = Place::Channel(index, "columns");
-            let found = format!("There is no column {name:?}.");
+            let found = format!("The column {name:?} is not known.");
             Error::undeclarable("rays.column_unknown", place, found, format!("Name each column one of {known}."))
         })
     };

@@ -41,14 +41,14 @@ impl Digests {
 
     /// `extent` with the bytes that follow. Given up, it goes on for nobody.
     pub(super) async fn extend(&self, mut extent: Extent, bytes: Bytes) -> Result<Extent, oneshot::error::RecvError> {
-        let (tell, told) = oneshot::channel();
+        let (sender, receiver) = oneshot::channel();
         self.0.spawn_fifo(move || {
             extent.extend(&bytes);
             drop(bytes);
             // Nobody may be there to hear it.
-            let _ = tell.send(extent);
+            let _ = sender.send(extent);
         });
-        told.await
+        receiver.await
     }
 }
 

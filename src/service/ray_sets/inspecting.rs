@@ -46,7 +46,7 @@ struct Kind {
     threads: Arc<Mutex<Vec<ThreadPool>>>,
 }
 
-/// A place for one file. Dropped, it is free.
+/// A place for the inspection of one file; free again when dropped.
 struct InspectionPlace {
     kind: Kind,
     threads: Option<ThreadPool>,
@@ -110,15 +110,15 @@ impl Drop for InspectionPlace {
     }
 }
 
-/// What a whole file turned out to be.
+/// The result of an inspection of a whole file.
 pub struct Described {
-    /// What it says of itself, as JSON.
+    /// The header of the file, as JSON.
     pub header: String,
-    /// What its rays say.
+    /// The inspection of its rays.
     pub inspection: Inspection,
 }
 
-/// What must be known of a file to inspect it while it comes.
+/// What an inspection needs to know of a file that is still arriving.
 pub struct ExpectedFile {
     name: String,
     declared: FileDeclaration,
@@ -126,14 +126,14 @@ pub struct ExpectedFile {
 }
 
 impl ExpectedFile {
-    /// Of a file that is announced.
+    /// The expected file of an announcement.
     pub fn of(announcement: &Announcement) -> ExpectedFile {
         let Announcement { name, declared, gone, .. } = announcement.clone();
         ExpectedFile { name, declared, gone }
     }
 }
 
-/// A file that is inspected while it comes. Dropped, that ends.
+/// The inspection of an arriving file; it ends when this is dropped.
 pub struct Inspecting {
     arriving: Arc<Arriving>,
     described: JoinHandle<Result<Result<Described, pipeline::Error>, Lost>>,
@@ -194,7 +194,7 @@ impl Places {
     /// What a stored file turns out to be, as soon as there is a place for it and until its client is `gone`.
     ///
     /// # Errors
-    /// Nobody waits for it any more, or its thread could not be had; the inner error is the file's.
+    /// The client closed the connection, or there was no thread for the inspection; the inner error is the file's.
     pub async fn inspect(
         &self,
         input: Input,

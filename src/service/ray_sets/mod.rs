@@ -2,7 +2,7 @@
 //! grow with the file: what is not yet a stored part is at most two parts. Hashing, storing and inspecting go on side by side
 //! while it comes. A packed file is stored as it comes and unpacked when all of it is there: its digest covers what was sent.
 
-/// How much of a file has come.
+/// Length and digest of the bytes that have arrived.
 pub mod extent;
 /// Memory for parts.
 mod buffers;
@@ -10,7 +10,7 @@ mod buffers;
 mod arriving;
 /// What the rays of a file say.
 mod inspecting;
-/// From bytes to parts.
+/// Cutting a stream of bytes into stored parts.
 pub mod spool;
 /// What is in a packed file.
 mod unpack;
@@ -18,17 +18,17 @@ mod unpack;
 pub mod declaration;
 /// Fetches a ray file.
 pub mod fetch;
-/// Rows of what was found in their rays.
+/// Rows of inspections.
 pub mod inspections;
-/// How fast a body must come.
+/// Minimum speed of uploads.
 pub mod pace;
 /// Rows of ray sets.
 pub mod rows;
-/// What a sender says of a file before its bytes.
+/// What the client announces about a file before its bytes.
 pub mod announcement;
 /// Why a ray file is not taken in.
 pub mod error;
-/// What taking in a ray file needs.
+/// The parts of the service that an upload needs.
 pub mod intake;
 
 use crate::accounts::quota::Room;
@@ -62,9 +62,9 @@ use tokio_util::sync::CancellationToken;
 /// The result of an upload.
 #[derive(Clone, Debug)]
 pub struct Taken {
-    /// The ray sets, one or more; they became known together.
+    /// The ray sets, one or more.
     pub ray_sets: Vec<RaySet>,
-    /// What else was in a packed file.
+    /// Other files in the archive, and why they were left out.
     pub left_out: Vec<LeftOut>,
 }
 

@@ -9,9 +9,9 @@ use tokio::time::{Instant, timeout};
 /// The slowest that is waited for.
 #[derive(Clone, Copy, Debug)]
 pub struct Slowest {
-    /// How long each look takes.
+    /// Length of each interval.
     pub interval: Duration,
-    /// Least bytes in it.
+    /// Least number of bytes in each interval.
     pub bytes: u64,
 }
 

@@ -23,7 +23,8 @@ pub struct Part {
     pub byte_count: u64,
 }
 
-/// Parts in order, read like one file. Asked from the pipeline's own threads, never from an async one: it waits.
+/// The parts of a file in order, read like one file. Reading blocks: only threads of the pipeline may call it, never an async
+/// one.
 pub struct Parts {
     reader: PartReader,
     parts: Vec<Part>,

@@ -1,5 +1,5 @@
 //! Blobs that no row names, and never will: what killed processes, lost attempts and broken uploads left behind. Only what the
-//! service can have written itself is deleted; what else lies in the store is somebody's, and is left alone.
+//! service can have written itself is deleted; other objects in the store belong to other programs and are left alone.
 
 use crate::storage::Storage;
 use crate::storage::blobs::Listed;

@@ -122,7 +122,7 @@ impl Uploads {
     ) -> Result<Writing<'a>, Error> {
         let Intake { storage, .. } = &self.intake;
         let came = Extent::resumed(upload.offset, &upload.sha256_state);
-        let came = came.ok_or_else(|| storage::Error::fault("the state of a digest cannot be read"))?;
+        let came = came.ok_or_else(|| storage::Error::fault("the stored state of a digest cannot be read"))?;
         let (number, continued) = match rows::last_part(&storage.records, &upload.id).await? {
             Some((number, part)) if part.byte_count < SHORT_BYTES => (number, Some(part)),
             Some((number, _)) => (number + 1, None),
@@ -198,7 +198,7 @@ impl Writing<'_> {
         }
         let came = self.spool.byte_count() - self.upload.offset;
         if piece.byte_count.is_some_and(|announced| announced != came) {
-            return Err(FileError::Truncated(format!("{came} bytes came")).into());
+            return Err(FileError::Truncated(format!("{came} bytes arrived")).into());
         }
         match piece.checksum.take().is_none_or(Checksum::holds) {
             true => Ok(()),

@@ -1,6 +1,6 @@
-//! What becomes of an upload when all its bytes are there: ray sets, or a refusal. Any process that answers clients does this,
-//! one at a time, by lease; one that dies on the way leaves it to the next. The parts of a file that is not packed become
-//! the ray set's as they are: nothing is copied.
+//! Finishes complete uploads: makes ray sets of them, or refuses them. Every process that answers clients does this; a lease gives
+//! an upload to one of them at a time, and if that process ends, another one goes on. The parts of a file that is not packed
+//! become the ray set's as they are: nothing is copied.
 
 use super::outcome::Claim;
 use super::rows::{Concat, State, Upload};
@@ -34,15 +34,15 @@ const MAX_BACK_OFF: u32 = 32;
 /// Longest time between two looks for uploads whose time is over.
 const EXPIRY_LOOK: Duration = Duration::from_mins(1);
 
-/// What is to be done about an upload that could not be finished.
+/// What happens to an upload after a failed attempt to finish it.
 enum AfterFailure {
-    /// It is refused.
+    /// Refuse the upload and delete its bytes.
     Refuse,
-    /// The same, but for its bytes: they were accepted, and nobody knows what is wrong with them.
+    /// Refuse the upload but keep its bytes, because it is not known what is wrong with them.
     GiveUp,
-    /// Tried again; it counts as an attempt when it may be the upload's fault.
+    /// Try again later; the attempt is counted if the upload may be at fault.
     Retry { counted: bool },
-    /// It is another's, or deleted.
+    /// Do nothing: another process has the upload, or it is deleted.
     Leave,
 }
 
@@ -50,8 +50,8 @@ enum AfterFailure {
 type Made = Result<(Vec<Draft>, Vec<LeftOut>), FileError>;
 
 impl Uploads {
-    /// Finishes uploads whose bytes are all there, [`AT_ONCE`] at a time, until the service stops: those of this process, and
-    /// what others have left.
+    /// Finishes complete uploads, [`AT_ONCE`] at a time, until the service stops: the uploads of this process, and those that
+    /// other processes have left.
     pub async fn finish_all(self, poll: Duration) {
         let (mut ticker, mut tasks, mut at_hand) = (interval(poll), JoinSet::new(), HashMap::new());
         ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -113,7 +113,7 @@ impl Uploads {
         Ok(())
     }
 
-    /// Finishes the upload `id`, if all its bytes are there and nobody else does.
+    /// Finishes the upload `id`, if it is complete and no other process finishes it.
     async fn finish(&self, id: &str) -> Result<(), storage::Error> {
         let Some(claim) = outcome::claim(&self.intake.storage.records, id, self.lease).await? else {
             return Ok(());
@@ -155,7 +155,7 @@ impl Uploads {
         Ok(())
     }
 
-    /// The end of an upload whose bytes are all there, as far as it comes soon.
+    /// Waits up to [`WAIT`] for a complete upload to be finished, and returns it.
     pub(super) async fn ended(&self, tenant: &str, id: &str) -> Result<Upload, Error> {
         let begun = Instant::now();
         self.ends.come.notify_one();
@@ -174,7 +174,7 @@ impl Uploads {
         }
     }
 
-    /// Waits for `making`, renewing the lease; tells it when that is lost.
+    /// Runs `making` to its end while the lease is renewed; cancels `gone` when the lease is lost.
     async fn supervise<T>(&self, claim: &Claim, gone: &CancellationToken, making: impl Future<Output = T>) -> T {
         let mut ticker = interval(self.lease / 3);
         ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -202,7 +202,7 @@ impl Uploads {
         let extent = match &upload.concat {
             Concat::Final { .. } => self.read_once(&stored, gone.clone()).await?,
             Concat::Whole | Concat::Partial => Extent::resumed(upload.offset, &upload.sha256_state)
-                .ok_or_else(|| storage::Error::fault("the state of a digest cannot be read"))?,
+                .ok_or_else(|| storage::Error::fault("the stored state of a digest cannot be read"))?,
         };
         stored.sha256 = extent.sha256();
         if let Some(announced) = upload.announced.iter().find(|announced| **announced != stored.sha256) {
@@ -216,7 +216,8 @@ impl Uploads {
         Ok(made)
     }
 
-    /// Reads a stored file to its end for its digest: those of its pieces say nothing of the whole. On a thread that may block.
+    /// Reads a stored file to its end for its SHA-256, which does not follow from those of its pieces. Runs on a thread that may
+    /// block.
     async fn read_once(&self, stored: &Stored, gone: CancellationToken) -> Result<Extent, FileError> {
         let bytes = self.intake.read(stored);
         let reading = priority::compute("digest", move || {
@@ -311,7 +312,7 @@ impl Uploads {
         Ok(())
     }
 
-    /// Forgets what nobody goes on with, and what has ended long ago, again and again.
+    /// Deletes expired uploads, again and again.
     pub async fn keep_up(self) {
         let mut ticker = interval((self.expiry / 24).clamp(LOOK, EXPIRY_LOOK));
         ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);

@@ -18,10 +18,10 @@ use tokio_util::sync::CancellationToken;
 const AT_ONCE: usize = 64;
 /// Least time between two looks.
 const GAP: Duration = Duration::from_millis(50);
-/// How often what was told too long ago is forgotten.
+/// How often old deliveries are deleted.
 const DELETE_OLD_EVERY: Duration = Duration::from_hours(1);
 
-/// Sends and forgets. Cheap to clone.
+/// Sends due deliveries and deletes old ones. Cheap to clone.
 #[derive(Clone)]
 pub struct Dispatcher {
     records: Records,
@@ -42,12 +42,12 @@ impl Dispatcher {
         &self.policy
     }
 
-    /// Asks elsewhere.
+    /// Sends the requests.
     pub fn outbound(&self) -> &Outbound {
         &self.outbound
     }
 
-    /// There may be something to tell.
+    /// There may be a delivery that is due.
     pub fn wake(&self) {
         self.wake.notify_one();
     }
@@ -90,34 +90,34 @@ impl Dispatcher {
     }
 
     /// One attempt.
-    async fn send(self, sending: DueDelivery) {
-        let how = self.attempt(&sending).await;
+    async fn send(self, due: DueDelivery) {
+        let how = self.attempt(&due).await;
         crash::point("deliver.answered");
         self.metrics.webhook_attempted(how.is_taken());
         let Attempted { status, error, .. } = &how;
         tracing::info!(
-            delivery = sending.id,
-            webhook = sending.webhook,
-            attempt = sending.attempt,
+            delivery = due.id,
+            webhook = due.webhook,
+            attempt = due.attempt,
             status,
             error,
-            "told"
+            "delivery attempted"
         );
-        // A delivery whose end is not noted is another's when its lease is over, and told again.
-        match deliveries::end(&self.records, &sending, &how, &self.policy).await {
+        // A delivery whose end is not stored is claimed by another process when its lease is over, and sent again.
+        match deliveries::end(&self.records, &due, &how, &self.policy).await {
             Ok(true) => {}
             Ok(false) => {
-                tracing::warn!(delivery = sending.id, "another process took over a delivery during an attempt")
+                tracing::warn!(delivery = due.id, "another process took over a delivery during an attempt")
             }
             Err(error) => {
-                tracing::warn!(delivery = sending.id, %error, "cannot store the result of a delivery attempt")
+                tracing::warn!(delivery = due.id, %error, "cannot store the result of a delivery attempt")
             }
         }
     }
 
-    async fn attempt(&self, sending: &DueDelivery) -> Attempted {
+    async fn attempt(&self, due: &DueDelivery) -> Attempted {
         let failed = |error: String| Attempted { error: Some(error), ..Attempted::default() };
-        let DueDelivery { id, timestamp_s, body, secrets, .. } = sending;
+        let DueDelivery { id, timestamp_s, body, secrets, .. } = due;
         let body = self.policy.addressed(body);
         let signature = match signature::sign(secrets, id, *timestamp_s, &body) {
             Ok(signature) => signature,
@@ -131,7 +131,7 @@ impl Dispatcher {
             ("webhook-timestamp", timestamp_s.to_string()),
             ("webhook-signature", signature),
         ];
-        match self.outbound.post(&sending.url, &headers, body, self.policy.longest).await {
+        match self.outbound.post(&due.url, &headers, body, self.policy.longest).await {
             Ok(answer) => Attempted {
                 status: Some(answer.status),
                 answer: Some(answer.beginning),

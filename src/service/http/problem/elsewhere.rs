@@ -1,4 +1,4 @@
-//! Problems of what this service asks elsewhere: endpoints of webhooks, files to fetch.
+//! Problems of outbound requests: webhooks, and files to fetch.
 
 use super::Problem;
 use crate::ray_sets::fetch;
@@ -6,34 +6,34 @@ use crate::{outbound, webhooks};
 use axum::http::StatusCode;
 
 impl Problem {
-    /// No such endpoint.
+    /// The problem of a webhook that does not exist.
     pub fn no_webhook(id: &str) -> Problem {
         let detail = format!("There is no webhook {id:?}.");
         Problem::new(StatusCode::NOT_FOUND, "webhook.not_found", "No such webhook", detail)
     }
 
-    /// No such delivery.
+    /// The problem of a delivery that does not exist.
     pub fn no_delivery(id: &str) -> Problem {
         let detail = format!("There is no delivery {id:?} to this webhook.");
         Problem::new(StatusCode::NOT_FOUND, "delivery.not_found", "No such delivery", detail)
             .remedy("Deliveries are listed for 30 days.")
     }
 
-    /// As many endpoints as a tenant may have.
+    /// The problem of a tenant that has the largest number of webhooks already.
     pub fn too_many_webhooks() -> Problem {
         let detail = format!("The tenant has {} webhooks, which is the limit.", webhooks::endpoints::MOST);
         Problem::new(StatusCode::CONFLICT, "webhook.too_many", "Too many webhooks", detail)
             .remedy("Delete a webhook that you do not need.")
     }
 
-    /// An endpoint that is told nothing.
+    /// The problem of a webhook that is disabled.
     pub fn webhook_disabled(why: &str) -> Problem {
         let detail = format!("The webhook is disabled: {why}.");
         Problem::new(StatusCode::CONFLICT, "webhook.disabled", "The webhook is disabled", detail)
             .remedy("Enable the webhook: PATCH it with {\"enabled\": true}.")
     }
 
-    /// An address that cannot be an endpoint.
+    /// The problem of a URL that cannot be a webhook.
     pub fn webhook_url(error: &outbound::Error) -> Problem {
         of_address("webhook", error)
     }

@@ -2,11 +2,11 @@
 
 /// What can go wrong with an upload that is to be resumed.
 mod uploads;
-/// Problems of what is elsewhere.
+/// Problems of outbound requests.
 mod elsewhere;
-/// Headers that are not honoured.
+/// Problems of headers that are not supported.
 mod headers;
-/// Problems of stores, of files and of ourselves, told apart.
+/// Problems by their cause: a store, a file or the service itself.
 mod causes;
 
 pub use uploads::refusal_of;
@@ -63,7 +63,7 @@ pub struct Problem {
     pub retry_after_s: Option<NonZeroU32>,
 }
 
-/// What to do where a body is not the file that was meant: this call sends nothing but its bytes.
+/// Remedy where a body is not the file itself: this call of curl sends nothing but the bytes of the file.
 pub const SEND_THE_FILE: &str = "Send the file itself as the body, as curl -X POST -T FILE URL does.";
 
 impl Problem {
@@ -93,7 +93,7 @@ impl Problem {
         Problem { at: failure.at.map(Into::into), remedy: failure.remedy.map(Into::into), ..problem }
     }
 
-    /// No route has this path.
+    /// The problem of a path that has no route.
     pub fn no_route(path: &str) -> Problem {
         Problem::new(
             StatusCode::NOT_FOUND,
@@ -104,7 +104,7 @@ impl Problem {
         .remedy("See /docs for all addresses.")
     }
 
-    /// The path is there, the method is not; `Allow` names those that are.
+    /// The problem of a method that the path does not support; `Allow` names those that it does.
     pub fn method_not_allowed(method: &str) -> Problem {
         let status = StatusCode::METHOD_NOT_ALLOWED;
         Problem::new(
@@ -116,29 +116,29 @@ impl Problem {
         .remedy("Use one of the methods in the Allow header.")
     }
 
-    /// The path is not UTF-8.
+    /// The problem of a path that is malformed.
     pub fn malformed_path(detail: impl Into<String>) -> Problem {
         Problem::new(StatusCode::BAD_REQUEST, "request.malformed_path", "The path is malformed", detail)
     }
 
-    /// A header is not what it should be.
+    /// The problem of a malformed header.
     pub fn malformed_header(name: &str, detail: &str) -> Problem {
         Problem::new(StatusCode::BAD_REQUEST, "request.malformed_header", "A header is malformed", detail).at(name)
     }
 
-    /// The body is of the wrong kind.
+    /// The problem of a body with an unsupported media type.
     pub fn media_type(detail: impl Into<String>, remedy: &str) -> Problem {
         let status = StatusCode::UNSUPPORTED_MEDIA_TYPE;
         Problem::new(status, "request.media_type", "Unsupported media type", detail).remedy(remedy)
     }
 
-    /// A body larger than its route takes.
+    /// The problem of a body that is larger than its route accepts.
     pub fn body_too_large(limit: u64) -> Problem {
         let detail = format!("The body has more than {limit} bytes.");
         Problem::new(StatusCode::PAYLOAD_TOO_LARGE, "request.body_too_large", "The body is too large", detail)
     }
 
-    /// The body stopped short.
+    /// The problem of a body that ended too early.
     pub fn body_truncated() -> Problem {
         let detail = "The body ended before the announced number of bytes had arrived.";
         Problem::new(StatusCode::BAD_REQUEST, "upload.truncated", "The body is incomplete", detail)
@@ -162,7 +162,7 @@ impl Problem {
         Problem::new(StatusCode::UNPROCESSABLE_ENTITY, code, title, format!("{found}.")).at(path)
     }
 
-    /// A text that PostgreSQL cannot keep.
+    /// The problem of a string with the character U+0000, which PostgreSQL cannot store.
     pub fn null_character(path: &str) -> Problem {
         let detail = "The string contains the character U+0000, which is not allowed.";
         Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "request.null_character", "Invalid character", detail).at(path)
@@ -289,7 +289,7 @@ impl Problem {
         Problem::new(status, "artifact.range_not_satisfiable", "Range not satisfiable", detail)
     }
 
-    /// The file is not the one that the client expects.
+    /// The problem of an `If-Match` that does not name the entity tag of the file.
     pub fn changed(etag: &str) -> Problem {
         let detail = format!("If-Match does not name the current entity tag of this resource, {etag}.");
         let status = StatusCode::PRECONDITION_FAILED;
@@ -298,7 +298,7 @@ impl Problem {
             .remedy("Request the resource without If-Match, and use the ETag of that answer.")
     }
 
-    /// More requests at once than are served.
+    /// The problem of more simultaneous requests than the service accepts.
     pub fn busy() -> Problem {
         let detail = "The service is processing as many requests of this kind as it can.";
         Problem::new(StatusCode::SERVICE_UNAVAILABLE, "service.busy", "The service is busy", detail)
@@ -312,14 +312,14 @@ impl Problem {
             .remedy("Try again after the time in Retry-After.")
     }
 
-    /// The key is for other things.
+    /// The problem of a key that lacks a scope.
     pub fn scope_missing(scope: &str) -> Problem {
         let detail = format!("This key lacks the scope {scope}.");
         Problem::new(StatusCode::FORBIDDEN, "access.scope_missing", "The key lacks a scope", detail)
             .remedy("Use a key with this scope; the operator makes one with lampwright keys create --scope.")
     }
 
-    /// A name that is not this machine's, while no keys are asked for.
+    /// The problem of a Host that is not this machine, while no API keys are required.
     pub fn foreign_host(host: &str) -> Problem {
         let detail = format!(
             "The Host {host:?} is not allowed: without API keys, this service answers only requests to localhost."
@@ -328,14 +328,14 @@ impl Problem {
             .remedy("Send the request to localhost, or start the service with API keys: serve --auth on.")
     }
 
-    /// A web page from elsewhere, while no keys are asked for.
+    /// The problem of an Origin that is not allowed, while no API keys are required.
     pub fn foreign_origin(origin: &str) -> Problem {
         let detail = format!("Web pages of the origin {origin} are not allowed to use this service.");
         Problem::new(StatusCode::FORBIDDEN, "access.foreign_origin", "This Origin is not allowed", detail)
             .remedy("The operator can allow the origin: serve --cors-origin.")
     }
 
-    /// A key that asked too often.
+    /// The problem of a key that exceeded its rate limit.
     pub fn too_often(wait: Duration) -> Problem {
         let detail = "This key has made more requests than its rate limit allows.";
         let problem = Problem::new(StatusCode::TOO_MANY_REQUESTS, "access.rate", "Too many requests", detail)
@@ -344,14 +344,14 @@ impl Problem {
         Problem { retry_after_s: NonZeroU32::new(wait_s), ..problem }
     }
 
-    /// Less room than is kept free.
+    /// The problem of too little free storage space.
     pub fn low_space() -> Problem {
         let detail = "The free space on the storage of the service is below the limit that the operator reserves.";
         Problem::new(StatusCode::INSUFFICIENT_STORAGE, "storage.low_space", "The storage is almost full", detail)
             .remedy("Delete jobs and ray sets that you do not need, or ask the operator for more storage space.")
     }
 
-    /// The same, told to whoever asks whether the service can work: such probes know no other status than 503.
+    /// The same problem with status 503, the only one that readiness probes know.
     #[must_use]
     pub fn not_ready(self) -> Problem {
         Problem { status: StatusCode::SERVICE_UNAVAILABLE.as_u16(), retry_after_s: Some(NonZeroU32::MIN), ..self }
@@ -364,7 +364,7 @@ impl Problem {
             .remedy("Try again.")
     }
 
-    /// A fault of ours. What it was is in the log, not in the answer.
+    /// The problem of an error in the service itself. Its details are in the log, not in the answer.
     pub fn internal() -> Problem {
         let detail = "The service failed because of an error in the service itself.";
         Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "service.internal", "Internal error", detail)

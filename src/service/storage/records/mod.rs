@@ -155,7 +155,7 @@ impl Records {
         // Another process may have counted on meanwhile.
         match read.map_or(Ok(0), |row| row.number("number"))? >= written.max(1) {
             true => Ok(()),
-            false => Err(Error::Records("what is written is not there for other connections".into())),
+            false => Err(Error::Records("rows that were written are not visible to other connections".into())),
         }
     }
 

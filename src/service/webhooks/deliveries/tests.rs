@@ -1,4 +1,4 @@
-//! Who is told when, without a socket.
+//! When deliveries are due and how they end, without a socket.
 
 use super::*;
 use crate::webhooks::endpoints::{EndpointSettings, change};
