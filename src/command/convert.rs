@@ -79,7 +79,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     output::print(summary(&input, &converted, format, path))
 }
 
-/// Under another name first: nobody ever sees a part of a file, and what was there stays until all is written.
+/// Writes under another name first, so that no program sees an incomplete file, and the old file stays until the new one is
+/// complete.
 fn write(input: &Input, target: Target, path: &Path) -> Result<Converted, Failure> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let part = path.with_file_name(format!(".{name}.{}.part", std::process::id()));

@@ -17,9 +17,9 @@ const PREFIX: HeaderName = HeaderName::from_static("x-forwarded-prefix");
 /// The client of a request: the other end of the connection, or the address that a trusted proxy names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Peer {
-    /// Its address.
+    /// IP address of the client.
     pub ip: IpAddr,
-    /// Its port, where it is known.
+    /// Port of the client, where it is known.
     pub port: Option<u16>,
 }
 

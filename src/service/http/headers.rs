@@ -170,8 +170,8 @@ enum Tags {
 }
 
 /// The conditions of a request, which must hold before a resource is sent or changed. Things of JSON have no entity tag and no
-/// date of a change, so that no tag is theirs, and dates are left alone, as RFC 9110, section 13.1.4, has it. Whoever has a tag
-/// judges it: its handler.
+/// date of a change, so that no tag is theirs, and dates are left alone, as RFC 9110, section 13.1.4, has it. Where a resource has
+/// an entity tag, its handler checks it.
 #[derive(Clone, Copy, Debug, Default)]
 struct Conditions {
     if_match: Option<Tags>,

@@ -57,7 +57,7 @@ const TAKE: &str = concat!(
 const TOO_LARGE: &str =
     concat!("SELECT COUNT(*) AS jobs FROM jobs WHERE jobs.state = 'queued' AND ", needed!("$2"), " > $1");
 
-/// What came of one try.
+/// Result of one attempt to claim a job.
 enum Tried {
     Taken(Claim),
     /// The next job does not fit into the free memory.

@@ -28,7 +28,7 @@ pub mod watcher;
 pub mod worker;
 /// What can go wrong with a job.
 pub mod error;
-/// What is to be told.
+/// Announcements of ended jobs.
 pub mod outbox;
 
 use crate::failure::StoredNotice;

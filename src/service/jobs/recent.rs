@@ -1,6 +1,6 @@
-//! Jobs that clients asked for lately, as they were read: who polls is answered from memory. What this process changes is forgotten
-//! with the change. What others change: on engines of our own, where nobody else has a right to, it is looked for once per poll; on
-//! shared engines every answer is compared with the database first, all of those who ask at once with one statement.
+//! A cache of the jobs that clients asked for lately: polling is answered from memory. A change of this process removes the job
+//! from the cache. Changes of other processes: where this process has the stores alone, it looks for them once per poll; on shared
+//! engines every answer is compared with the database first, with one statement for all requests at the same time.
 
 use super::query;
 use super::query::{Job, Stamp};

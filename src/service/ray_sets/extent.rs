@@ -39,7 +39,7 @@ impl Digests {
         Ok(Digests(Arc::new(pool.start_handler(|_| priority::lower_a_little()).build()?)))
     }
 
-    /// `extent` with the bytes that follow. Given up, it goes on for nobody.
+    /// `extent` with the bytes that follow. If the caller stops waiting, the result is dropped.
     pub(super) async fn extend(&self, mut extent: Extent, bytes: Bytes) -> Result<Extent, oneshot::error::RecvError> {
         let (sender, receiver) = oneshot::channel();
         self.0.spawn_fifo(move || {

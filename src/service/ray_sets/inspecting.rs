@@ -1,8 +1,8 @@
-//! What the rays of a file say: read to its end once, while it comes or afterwards.
+//! Inspects ray files: reads a file to its end once, while it arrives or afterwards.
 //!
-//! While it comes: only a file that comes by itself and says how long it is, and only where none of [`ARRIVALS`] others is.
-//! Whoever inspects waits for bytes that have not come; a sender that lets it wait too long is not waited for, and what came of
-//! it is read afterwards, like every other file.
+//! While it comes: only a file that comes by itself and says how long it is, and only where none of [`ARRIVALS`] others is. The
+//! inspection waits for bytes that have not arrived; if the client is too slow, the inspection stops, and the file is read after
+//! its upload, like every other file.
 
 use super::announcement::Announcement;
 use super::arriving::Arriving;

@@ -1,6 +1,7 @@
-//! Takes in a ray file, or several in a packed one: counts, hashes, judges and stores it while it streams by. Memory does not
-//! grow with the file: what is not yet a stored part is at most two parts. Hashing, storing and inspecting go on side by side
-//! while it comes. A packed file is stored as it comes and unpacked when all of it is there: its digest covers what was sent.
+//! Stores an uploaded ray file, or the ray files in an archive: counts, hashes, checks and stores the bytes while they arrive.
+//! Memory does not grow with the file: what is not yet a stored part is at most two parts. Hashing, storing and inspecting go on
+//! side by side while it comes. An archive is stored while it arrives and unpacked when it is complete: its digest is that of the
+//! archive.
 
 /// Length and digest of the bytes that have arrived.
 pub mod extent;

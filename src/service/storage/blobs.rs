@@ -228,8 +228,8 @@ impl Blobs {
     }
 
     /// Deletes the unfinished files of the local store, which a killed process left behind: `<key>#<number>`, which it does not
-    /// list. Only what is older than `age`, 0 being right only while nobody writes, and only where `is_ours` says so of the key.
-    /// Their names.
+    /// list. Deletes only files older than `age` (0 only while no process writes) and only keys that `is_ours` accepts. Returns
+    /// their names.
     ///
     /// # Errors
     /// The folder cannot be walked.

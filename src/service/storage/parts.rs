@@ -14,10 +14,10 @@ const BLOCKS: usize = 8;
 /// Local files kept open, so that a part is not opened for every chunk of it.
 const FILES: usize = 8;
 
-/// One immutable piece of an upload.
+/// One stored part of a file, which never changes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// Key of its blob.
+    /// Key of the blob.
     pub blob: String,
     /// Length, bytes; never 0.
     pub byte_count: u64,
@@ -36,7 +36,7 @@ pub struct Parts {
 /// time for all threads.
 pub struct PartReader {
     blobs: Blobs,
-    /// What is asked of the store at once.
+    /// Number of bytes that one request to the store reads.
     block_bytes: u64,
     runtime: Handle,
     /// The blocks last begun, oldest first.
@@ -67,13 +67,13 @@ impl Parts {
 }
 
 impl PartReader {
-    /// Parts that are among `blobs`.
+    /// A reader of parts that are stored in `blobs`.
     pub fn new(blobs: Blobs, runtime: Handle) -> PartReader {
         let block_bytes = blobs.block_bytes();
         PartReader { blobs, block_bytes, runtime, blocks: Mutex::default(), files: Mutex::default() }
     }
 
-    /// Fills `into` from byte `from` of `part`, whose number is `index`. Waits: not to be called by an async thread.
+    /// Fills `into` from byte `from` of `part`, whose number is `index`. Blocks: must not be called on an async thread.
     ///
     /// # Errors
     /// The store did not answer, or has less than that.

@@ -117,9 +117,9 @@ impl Closed {
         }
     }
 
-    /// Logs what was open, in one line, and what still is, in another. The service goes on in either case: where a folder
-    /// belongs to somebody else (a volume that an administrator has prepared for a group) only its owner can close it, and a
-    /// service that refused could not be run there at all.
+    /// Logs what was open, in one line, and what still is, in another. The service goes on in either case: where a folder belongs
+    /// to another user (a volume that an administrator has prepared for a group) only its owner can close it, and a service that
+    /// refused could not be run there at all.
     pub fn log(&self) {
         let which = |paths: &mut dyn Iterator<Item = &PathBuf>, all: usize| {
             let named: Vec<String> = paths.take(NAMED).map(|path| path.display().to_string()).collect();

@@ -63,7 +63,7 @@ impl<V: Clone + Send + 'static> Together<V> {
 }
 
 impl<V> Shared<V> {
-    /// Waits with the others; true when nobody answers them yet.
+    /// Adds a read to the waiting ones; true if no task answers them yet.
     fn join(&self, key: String, sender: Asker<V>) -> bool {
         let mut waiting = self.waiting();
         waiting.askers.push((key, sender));

@@ -22,8 +22,8 @@ pub struct Collected {
     pub left_alone: Vec<String>,
 }
 
-/// Deletes blobs that no row names, that no running attempt may yet name, and to whose folder nothing was written for `age`:
-/// whoever still sends a file writes a part before it counts as silent. An `age` of 0 is only right while nobody else writes. Every
+/// Deletes blobs that no row names, that no running attempt may yet name, and to whose folder nothing was written for `age`: a
+/// client that still sends a file writes a part before that. An `age` of 0 is only right while no other process writes. Every
 /// folder from which blobs are deleted is logged, and every blob at the level debug.
 ///
 /// # Errors

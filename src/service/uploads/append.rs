@@ -24,22 +24,22 @@ use std::pin::pin;
 /// A last part that is shorter than this is stored again with what follows, so that small requests do not leave small parts.
 const SHORT_BYTES: u64 = 1 << 20;
 
-/// Bytes that are to be added to an upload.
+/// The bytes that a request appends to an upload.
 #[derive(Clone, Debug, Default)]
 pub struct Piece {
-    /// Where the sender means to go on, bytes.
+    /// Offset of the request, bytes.
     pub offset: u64,
-    /// Its length, bytes, where known.
+    /// Length of the body, bytes, where known.
     pub byte_count: Option<u64>,
-    /// Length of the whole, where it is said only now, bytes.
+    /// Length of the whole file, if this request gives it, bytes.
     pub whole: Option<u64>,
-    /// What the sender says of it. All of it is kept or nothing, then.
+    /// Checksum of the body. With it, all of the body is kept or nothing.
     pub checksum: Option<Checksum>,
 }
 
 impl Uploads {
-    /// Adds to an upload of `tenant` what comes; the upload as it is then, waiting a while for its end when all is there. What
-    /// came of a body that breaks off is kept, unless a checksum was to say what it is.
+    /// Appends a body to an upload of `tenant` and returns the upload; if it is complete, waits a while for it to be finished. If
+    /// the body is interrupted, the bytes that arrived are kept, unless the request has a checksum.
     ///
     /// # Errors
     /// [`Error`].
@@ -139,7 +139,7 @@ impl Uploads {
     }
 }
 
-/// One request that adds to an upload.
+/// One request that appends to an upload.
 pub struct Writing<'a> {
     uploads: &'a Uploads,
     tenant: &'a str,
@@ -155,7 +155,7 @@ pub struct Writing<'a> {
 }
 
 impl Writing<'_> {
-    /// Stores what comes; without a checksum it is named as it comes.
+    /// Stores the bytes of the body; without a checksum, they become part of the upload while they arrive.
     pub async fn receive<E: Display>(
         &mut self,
         piece: &mut Piece,
@@ -206,7 +206,7 @@ impl Writing<'_> {
         }
     }
 
-    /// Keeps what may be kept, and nothing else.
+    /// Keeps the bytes that may be kept, and deletes the others.
     pub async fn end(mut self, came: Result<(), Error>, checked: bool) -> Result<(), Error> {
         use FileError::{Broken, Slow, Truncated};
         let broke_off = matches!(came, Err(Error::Stopping | Error::File(Truncated(_) | Broken(_) | Slow(_))));

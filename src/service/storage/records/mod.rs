@@ -132,7 +132,7 @@ impl Records {
         connection::read_one(&self.readers, self.dialect, statement).await
     }
 
-    /// Changes rows, in a transaction of its own; how many.
+    /// Changes rows in a transaction of its own, and returns their number.
     ///
     /// # Errors
     /// The database did not answer.
@@ -140,7 +140,8 @@ impl Records {
         connection::write(&self.writer, self.dialect, statement).await
     }
 
-    /// Proves that what is written is seen by others: counts on in a row, and reads it through a connection that never writes.
+    /// Checks that written rows are visible to others: increments a counter in a row, and reads it through a connection that never
+    /// writes.
     ///
     /// # Errors
     /// The database did not answer, or what was written is not there for others.
@@ -159,7 +160,8 @@ impl Records {
         }
     }
 
-    /// Begins a transaction; dropped without [`Transaction::commit`], it never was. Its first statement should write.
+    /// Begins a transaction; if it is dropped without [`Transaction::commit`], nothing is changed. Its first statement should
+    /// write.
     ///
     /// # Errors
     /// The database did not answer.

@@ -1,8 +1,8 @@
-//! A copy of everything, taken while the service runs: first the rows, as they are at one moment, then every blob that they
-//! name. A blob is written before its row and never changed, so all of them are there, but for those that somebody deletes
-//! meanwhile; what they belong to is deleted from the copy too. The short last part of an upload goes with the request that
-//! goes on with it: such an upload is copied as it is then. Where it has become ray sets by then, of which these rows know
-//! nothing, those of a later moment are taken. The copy is a data folder: to restore is to serve it.
+//! A copy of everything, taken while the service runs: first the rows, as they are at one moment, then every blob that they name.
+//! A blob is written before its row and never changed, so all of them are there, except those that a client deletes during the
+//! backup; their ray sets and jobs are deleted from the copy too. The short last part of an upload goes with the request that goes
+//! on with it: such an upload is copied as it is then. Where it has become ray sets by then, of which these rows know nothing,
+//! those of a later moment are taken. The copy is a data folder: to restore is to serve it.
 
 /// Where it may go.
 mod place;
@@ -23,16 +23,16 @@ use std::{fs, io};
 /// Moments that are tried: a later one has little left to copy, and is hardly outrun.
 const MOMENTS: u32 = 5;
 
-/// What a backup did.
+/// Result of a backup.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Copied {
-    /// Blobs that the copy has.
+    /// Number of blobs in the backup.
     pub blobs: u64,
-    /// Of them, those that it did not have before.
+    /// Number of blobs that the backup did not have before.
     pub fresh: u64,
-    /// Their length, bytes.
+    /// Length of the new blobs, bytes.
     pub fresh_bytes: u64,
-    /// Ray sets, jobs and unfinished uploads that were deleted meanwhile.
+    /// Number of ray sets, jobs and unfinished uploads that were deleted during the backup.
     pub deleted: u64,
 }
 

@@ -230,7 +230,7 @@ pub async fn end(records: &Records, due: &DueDelivery, how: &Attempted, policy: 
 const HOLD: &str = "UPDATE webhooks SET id = id WHERE id = $1";
 
 /// Notes that an endpoint did not take something; whether it is disabled for it. A ping that fails says nothing of the endpoint's
-/// work: somebody is trying it out.
+/// work: a person is trying it out.
 async fn failed(
     transaction: &mut Transaction,
     due: &DueDelivery,
