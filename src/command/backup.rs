@@ -14,7 +14,7 @@ use std::path::PathBuf;
 /// Arguments of `backup`.
 #[derive(Args)]
 pub struct Arguments {
-    /// The folder for the copy; one that holds an earlier backup gets what is new.
+    /// Folder for the backup; a folder with an earlier backup is brought up to date.
     #[arg(long, value_name = "DIR")]
     to: PathBuf,
     #[command(flatten)]
@@ -24,7 +24,7 @@ pub struct Arguments {
 /// Makes a backup.
 ///
 /// # Errors
-/// Stores that are elsewhere; a disk that says no; a blob that is missing.
+/// The stores are not local, the disk refuses an operation, or a blob is missing.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let config = arguments.stores.config();
     let copied = stores::run(async { Ok(backup::backup(&config, &arguments.to).await?) })?;
@@ -38,7 +38,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     match copied.deleted {
         0 => Ok(()),
         deleted => output::print(format_args!(
-            "{} ray sets, jobs and uploads were deleted meanwhile and are not in it\n",
+            "{} ray sets, jobs and uploads were deleted during the backup and are not in it\n",
             count(deleted)
         )),
     }
@@ -47,25 +47,31 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 impl From<Error> for Failure {
     fn from(error: Error) -> Failure {
         let (code, remedy) = match &error {
-            Error::Elsewhere => ("backup.elsewhere", "Use pg_dump, then copy the bucket: rows first, blobs second."),
+            Error::NotLocal => {
+                ("backup.elsewhere", "Use pg_dump, then copy the bucket: first the database, then the objects.")
+            }
             Error::Served(_) => (
                 "backup.served",
-                "Name a folder of its own with --to: what is served has changes that the copy has not.",
+                "Name a different folder with --to: a service uses this one, and has changed it since.",
             ),
             Error::Inside { .. } => (
                 "backup.inside",
-                "Name a folder with --to that is outside of the data folder, the database's folder and the blobs.",
+                "Name a folder with --to that is outside of the data folder, the database folder and the folder of blobs.",
             ),
-            Error::Around { .. } => ("backup.around", "Name a folder with --to that holds nothing else."),
+            Error::Around { .. } => ("backup.around", "Name a folder with --to that contains nothing else."),
             Error::Occupied { .. } => (
                 "backup.occupied",
-                "Name an empty folder with --to, or one that an earlier backup was made into and no service was started on.",
+                "Name an empty folder with --to, or the folder of an earlier backup on which no service was started.",
             ),
-            Error::Missing(_) => ("backup.missing_blob", "The store is damaged: restore it from an earlier backup."),
-            Error::Outrun => ("backup.outrun", "Run it again: what is copied stays, and there is less left."),
-            Error::Disk { .. } => ("backup.disk", "Name another folder with --to, or see to its room and permissions."),
+            Error::Missing(_) => {
+                ("backup.missing_blob", "The object store is damaged: restore it from an earlier backup.")
+            }
+            Error::Outrun => ("backup.outrun", "Run the command again: it keeps what is copied, and less remains."),
+            Error::Disk { .. } => {
+                ("backup.disk", "Name another folder with --to, or check its free space and permissions.")
+            }
             Error::Storage(storage::Error::Unusable(error)) => (error.code(), error.remedy()),
-            Error::Storage(_) => ("backup.stores", "See that --data names the service's data folder."),
+            Error::Storage(_) => ("backup.stores", "Check that --data names the data folder of the service."),
         };
         Failure::failed(code, error.to_string(), remedy)
     }

@@ -23,19 +23,19 @@ use std::time::Duration;
 /// Arguments of `build`.
 #[derive(Args)]
 pub struct Arguments {
-    /// Ray files of one source, in one frame; packed ones too, FILE:MEMBER where a zip holds several. What follows a comma goes
-    /// before the file's own word.
+    /// Ray files of one source, in one coordinate frame; FILE:MEMBER names a file in a zip. Values after a comma override what
+    /// the file says.
     #[arg(required = true, value_name = "FILE[,KEY=VALUE]..", value_parser = channel_argument::channel, long_help = channel_argument::HELP)]
     files: Vec<ChannelFile>,
-    /// Total flux of the source, of which every file has a share, as 1.2W or 337lm.
+    /// Total flux of the source, of which every file has a share, for example 1.2W or 337lm.
     #[arg(long, value_name = "FLUX", value_parser = channel_argument::total)]
     total: Option<Total>,
-    /// Folder for the results; made if missing, and must be empty.
+    /// Folder for the results; must be empty, and is created if missing.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     #[command(flatten)]
     choices: Choices,
-    /// Threads [default: as many as the machine has].
+    /// Number of threads [default: as many as the machine has].
     #[arg(long, value_name = "N", value_parser = measure::at_least_one::<usize>)]
     threads: Option<usize>,
 }
@@ -43,7 +43,7 @@ pub struct Arguments {
 /// Builds the model, writes its files, prints the closing table on stdout.
 ///
 /// # Errors
-/// Files that cannot be read or are refused; options that cannot be used; a disk that says no.
+/// A file cannot be read or is refused, an option is not valid, or the disk refuses an operation.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut options = arguments.choices.0.clone();
     options.rays.total = arguments.total;
@@ -69,7 +69,8 @@ fn make_empty(folder: &Path) -> Result<(), Failure> {
     fs::create_dir_all(folder).map_err(disk)?;
     if fs::read_dir(folder).map_err(disk)?.next().is_some() {
         let found = "The folder for the results is not empty.";
-        return Err(Failure::usage("build.output", found, "Empty it or name another.").at(folder.display().to_string()));
+        return Err(Failure::usage("build.output", found, "Empty the folder, or name another.")
+            .at(folder.display().to_string()));
     }
     Ok(())
 }
@@ -77,7 +78,8 @@ fn make_empty(folder: &Path) -> Result<(), Failure> {
 fn on_threads<T: Send>(threads: Option<usize>, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
     let Some(threads) = threads else { return Ok(work()) };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|error| Failure::usage("build.threads", error.to_string(), "Give fewer threads."))?;
+    let pool =
+        pool.map_err(|error| Failure::usage("build.threads", error.to_string(), "Use fewer threads: --threads."))?;
     Ok(pool.install(work))
 }
 
@@ -119,7 +121,7 @@ fn ray_rows(table: &mut Table, model: &Model) {
     }
 }
 
-/// What each channel gives to the source, where there is something to compare or somebody declared it.
+/// What each channel gives to the source, if there are several channels or a declaration.
 fn channel_rows(table: &mut Table, model: &Model) {
     let declared = |origin: &Origin| origin.declared != Declared::default();
     if model.origins.len() < 2 && !model.origins.iter().any(declared) {

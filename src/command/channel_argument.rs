@@ -26,7 +26,7 @@ A white LED in two files, split as its data sheet says:
 /// The keys, in the order of [`HELP`].
 const KEYS: [&str; 7] = ["name", "length_unit", "quantity", "columns", "spectrum", "flux", "share"];
 
-/// A ray file and what is said of it.
+/// A ray file with declarations about it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ChannelFile {
     path: PathBuf,
@@ -34,7 +34,7 @@ pub struct ChannelFile {
     declared: Declared,
 }
 
-/// `input` with what is said of it.
+/// `input` with the declarations about it.
 fn said(mut input: Input, declared: Declared, notices: Vec<Notice>) -> Input {
     input.declared = declared;
     input.notices.extend(notices);
@@ -126,7 +126,7 @@ pub fn channel(text: &str) -> Result<ChannelFile, String> {
         match key {
             None => channel.path = PathBuf::from(value),
             Some(key) if !KEYS.contains(&key) => {
-                return Err(format!("there is no key {key:?}; the keys are {}", KEYS.join(", ")));
+                return Err(format!("unknown key {key:?}; the keys are {}", KEYS.join(", ")));
             }
             Some(key) if value.is_empty() => return Err(format!("{key} is empty")),
             Some(key) => channel.declare(key, &value)?,
@@ -145,7 +145,7 @@ pub fn total(text: &str) -> Result<Total, String> {
 fn put<T>(place: &mut Option<T>, key: &str, value: T) -> Result<(), String> {
     match place.replace(value) {
         None => Ok(()),
-        Some(_) => Err(format!("{key} is said twice")),
+        Some(_) => Err(format!("{key} is given twice")),
     }
 }
 
@@ -162,7 +162,7 @@ fn quantity(text: &str) -> Result<Quantity, String> {
 }
 
 fn columns(text: &str) -> Result<Vec<Column>, String> {
-    let column = |name| Column::from_name(name).ok_or_else(|| format!("there is no column {name:?}"));
+    let column = |name| Column::from_name(name).ok_or_else(|| format!("unknown column {name:?}"));
     text.split(':').map(column).collect()
 }
 
@@ -199,12 +199,12 @@ mod tests {
     #[test]
     fn nonsense_says_what_to_write() {
         for (said, complaint) in [
-            ("a,units=mm", "there is no key \"units\""),
+            ("a,units=mm", "unknown key \"units\""),
             ("a,length_unit=yd", "mm um nm cm m in ft"),
             ("a,quantity=cd", "W or lm"),
             ("a,flux=5", "1.2W or 337lm"),
             ("a,share=5%", "0.636W"),
-            ("a,columns=x:u", "no column \"u\""),
+            ("a,columns=x:u", "unknown column \"u\""),
             ("a,flux=1W,share=1W", "twice"),
             ("a,name=", "empty"),
         ] {

@@ -151,7 +151,7 @@ impl Args for Choices {
         command.arg(
             Arg::new(SMOOTHING)
                 .long("no-smoothing")
-                .help("Leave flux and goniograms as counted")
+                .help("Do not smooth the flux and the goniograms")
                 .action(ArgAction::SetTrue),
         )
     }

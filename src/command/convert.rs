@@ -19,13 +19,14 @@ use std::{fs, io};
 /// Arguments of `convert`.
 #[derive(Args)]
 pub struct Arguments {
-    /// The ray file, in any format that is read; or FILE:MEMBER of a packed one. What follows a comma goes before its own word.
+    /// The ray file, in any supported format; FILE:MEMBER names a file in an archive. Values after a comma override what the file
+    /// says.
     #[arg(value_name = "FILE[,KEY=VALUE]..", value_parser = channel_argument::channel, long_help = channel_argument::HELP)]
     file: ChannelFile,
     /// The file to write: .tm25ray is IES TM-25, .dat and .sdf are Zemax binary.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Format to write [default: by the extension].
+    /// Format to write [default: follows from the extension].
     #[arg(long, value_enum)]
     format: Option<OutputFormat>,
     /// Replace the file if it exists.
@@ -60,24 +61,26 @@ impl OutputFormat {
 /// Writes the other file and prints what became of the rays.
 ///
 /// # Errors
-/// A file that cannot be read, is refused or does not fit the format; a file in the way; a disk that says no.
+/// The file cannot be read, is refused or does not fit the format; the output file exists; or the disk refuses an operation.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let path = &arguments.output;
     let place = || path.display().to_string();
     let format = arguments.format.or_else(|| OutputFormat::of(path)).ok_or_else(|| {
-        let found = "The extension of the output does not say which format it shall be.";
-        Failure::usage("convert.format", found, "Name it .tm25ray, .dat or .sdf, or give --format.").at(place())
+        let found = "The extension of the output file does not name a format.";
+        Failure::usage("convert.format", found, "Use the extension .tm25ray, .dat or .sdf, or give --format.")
+            .at(place())
     })?;
     if path.exists() && !arguments.force {
-        let found = "The file to write is there already.";
-        return Err(Failure::usage("convert.exists", found, "Name another, or give --force.").at(place()));
+        let found = "The output file exists already.";
+        return Err(Failure::usage("convert.exists", found, "Name another output file, or give --force.").at(place()));
     }
     let input = arguments.file.open()?;
     let converted = write(&input, format.target(), path)?;
     output::print(summary(&input, &converted, format, path))
 }
 
-/// Under another name first: nobody ever sees a part of a file, and what was there stays until all is written.
+/// Writes under another name first, so that no program sees an incomplete file, and the old file stays until the new one is
+/// complete.
 fn write(input: &Input, target: Target, path: &Path) -> Result<Converted, Failure> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let part = path.with_file_name(format!(".{name}.{}.part", std::process::id()));

@@ -1,11 +1,11 @@
-//! The variables that stand for arguments: an empty one is as if it were absent, and one that nobody reads is told, with the
-//! name that was probably meant.
+//! Environment variables that stand for arguments: an empty one counts as absent, and an unknown one gives a warning with the most
+//! similar name.
 
 use clap::Command;
 use service::telemetry::visible;
 use std::ffi::{OsStr, OsString};
 
-/// What every variable of this program begins with, but for the few that are usual elsewhere too.
+/// Prefix of the variables of this program, except for the few that other programs use too.
 const PREFIX: &str = "LAMPWRIGHT_";
 /// Least likeness (Jaro-Winkler, 0 to 1) at which a name is offered for another.
 const ALIKE: f64 = 0.8;
@@ -24,7 +24,7 @@ fn without(command: Command, ignored: &impl Fn(&OsStr) -> bool) -> Command {
     command.mut_subcommands(|verb| without(verb, ignored))
 }
 
-/// One sentence for each of the process's variables that begins as ours do and that no argument of `command` reads.
+/// One warning for each variable of the process that has the prefix of this program and that no argument of `command` reads.
 pub fn unread(command: &Command) -> Vec<String> {
     unread_of(command, std::env::vars_os().map(|(name, _)| name))
 }
@@ -37,7 +37,7 @@ fn unread_of(command: &Command, set: impl Iterator<Item = OsString>) -> Vec<Stri
     let ours = |name: &String| {
         name.to_ascii_uppercase().starts_with(PREFIX) && !known.contains(name) && !is_of_kubernetes(name)
     };
-    names.into_iter().filter(ours).map(|name| told(&name, &known)).collect()
+    names.into_iter().filter(ours).map(|name| warning(&name, &known)).collect()
 }
 
 /// What Kubernetes sets in every container beside a Service called `lampwright`.
@@ -46,7 +46,7 @@ fn is_of_kubernetes(name: &str) -> bool {
     rest == "PORT" || ["PORT_", "SERVICE_HOST", "SERVICE_PORT"].iter().any(|known| rest.starts_with(known))
 }
 
-fn told(name: &str, known: &[String]) -> String {
+fn warning(name: &str, known: &[String]) -> String {
     let written = name.to_ascii_uppercase();
     // ROLE, DATABASE_URL and STORAGE_URL have no prefix; who gives them one means them.
     let bare = written.strip_prefix(PREFIX).unwrap_or_default();
@@ -54,11 +54,11 @@ fn told(name: &str, known: &[String]) -> String {
     let nearest = known.iter().map(|known| (known, likeness(known)));
     let nearest = nearest.max_by(|(_, one), (_, other)| one.total_cmp(other));
     match nearest.filter(|(_, likeness)| *likeness >= ALIKE) {
-        Some((meant, _)) => {
-            format!("The variable {name} is not known and has no effect. Is {meant} meant?", name = visible(name))
+        Some((similar, _)) => {
+            format!("The variable {name} is not known and has no effect. Did you mean {similar}?", name = visible(name))
         }
         None => format!(
-            "The variable {name} is not known and has no effect. `lampwright serve --help` names all.",
+            "The variable {name} is not known and has no effect. `lampwright serve --help` lists all variables.",
             name = visible(name)
         ),
     }
@@ -103,10 +103,13 @@ mod tests {
             ("LAMPWRIGHT_MEMROY", "LAMPWRIGHT_MEMORY"),
             ("LAMPWRIGHT_MEM", "LAMPWRIGHT_MEMORY"),
             ("lampwright_memory", "LAMPWRIGHT_MEMORY"),
-            ("LAMPWRIGHT_ROLE", "Is ROLE meant"),
+            ("LAMPWRIGHT_ROLE", "Did you mean ROLE"),
         ] {
-            let told = unread(&[written]);
-            assert!(told.len() == 1 && told[0].contains(written) && told[0].contains(meant), "{told:?}");
+            let warnings = unread(&[written]);
+            assert!(
+                warnings.len() == 1 && warnings[0].contains(written) && warnings[0].contains(meant),
+                "{warnings:?}"
+            );
         }
         assert!(unread(&["LAMPWRIGHT_QUX"])[0].contains("--help"));
     }

@@ -15,9 +15,9 @@ const PATIENCE: Duration = Duration::from_secs(3);
 /// Arguments of `health`.
 #[derive(Args)]
 pub struct Arguments {
-    /// What to ask; plain HTTP [default: /healthz at the address that `serve` listens on].
+    /// URL to request, plain HTTP [default: /healthz at the address that `serve` listens on].
     url: Option<String>,
-    /// The address that `serve` listens on; "any" is asked by way of this machine.
+    /// The address that `serve` listens on; if it listens on all addresses, loopback is used.
     #[arg(long, env = "LAMPWRIGHT_LISTEN", default_value = "127.0.0.1:8080", value_name = "ADDRESS")]
     listen: SocketAddr,
 }
@@ -36,12 +36,12 @@ impl Arguments {
 /// # Errors
 /// When nothing answers, or not with 200.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let usage = || Failure::usage("health.url", "This is no plain HTTP address.", "Write http://HOST:PORT/PATH.");
+    let usage = || Failure::usage("health.url", "The URL is not a plain HTTP address.", "Write http://HOST:PORT/PATH.");
     let url = arguments.url();
     let (authority, path) = split(&url).ok_or_else(|| usage().at(&*url))?;
-    let unwell = |what: String| Failure::failed("health.unwell", what, "Look at the service's log.").at(&*url);
+    let unwell = |what: String| Failure::failed("health.unwell", what, "Look at the log of the service.").at(&*url);
     let status = ask(&authority, path).map_err(|error| unwell(error.to_string()))?;
-    if status == 200 { Ok(()) } else { Err(unwell(format!("It answered {status}."))) }
+    if status == 200 { Ok(()) } else { Err(unwell(format!("The service answered with status {status}."))) }
 }
 
 /// `http://host[:port][/path]` as `host:port` and `/path`.
@@ -65,7 +65,7 @@ fn ask(authority: &str, path: &str) -> io::Result<u16> {
     stream.read_exact(&mut start)?;
     let code =
         std::str::from_utf8(&start).ok().filter(|text| text.starts_with("HTTP/1.")).and_then(|text| text.get(9..));
-    code.and_then(|code| code.parse().ok()).ok_or_else(|| io::Error::other("What answered does not speak HTTP."))
+    code.and_then(|code| code.parse().ok()).ok_or_else(|| io::Error::other("The answer is not HTTP."))
 }
 
 #[cfg(test)]

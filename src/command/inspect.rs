@@ -14,13 +14,13 @@ use std::path::{Path, PathBuf};
 /// Arguments of `inspect`.
 #[derive(Args)]
 pub struct Arguments {
-    /// The ray file; or a packed one: every ray file in it, or FILE:MEMBER. What follows a comma goes before its own word.
+    /// The ray file, or an archive: every ray file in it, or only FILE:MEMBER. Values after a comma override what the file says.
     #[arg(value_name = "FILE[,KEY=VALUE]..", value_parser = channel_argument::channel, long_help = channel_argument::HELP)]
     file: ChannelFile,
-    /// JSON instead of a table; one document for each ray file.
+    /// Print JSON instead of a table; one document for each ray file.
     #[arg(long)]
     json: bool,
-    /// Where to write drawings of origins and far field.
+    /// Folder for drawings of the ray origins and of the far field.
     #[arg(long, value_name = "DIR")]
     svg: Option<PathBuf>,
 }

@@ -20,44 +20,44 @@ pub struct Arguments {
 
 #[derive(Subcommand)]
 enum What {
-    /// Make a key and print it, once.
+    /// Make an API key and print it; it is shown only once.
     Create {
-        /// Whose things it opens: a-z, 0-9 and -.
+        /// Tenant that the key belongs to: a-z, 0-9 and -.
         #[arg(long, value_name = "NAME", default_value = DEFAULT_TENANT, value_parser = tenant)]
         tenant: String,
-        /// What it is for; may be given more than once [default: all that is the tenant's].
+        /// Scope of the key; may be given more than once [default: every scope of a tenant].
         #[arg(long = "scope", value_name = "SCOPE", value_parser = scope)]
         scopes: Vec<Scope>,
-        /// What to call it.
+        /// Name of the key, for display only.
         #[arg(long, default_value = "", value_name = "TEXT")]
         name: String,
-        /// Time it lasts, as 36h or in days [default: until it is revoked].
+        /// Time until the key expires, as 36h or in days [default: it does not expire].
         #[arg(long, value_name = "TIME", value_parser = measure::some_days)]
         expires: Option<Duration>,
         #[command(flatten)]
         stores: Stores,
     },
-    /// List keys; their secrets are not kept.
+    /// List API keys, without their secrets, which are not stored.
     List {
-        /// Only this tenant's.
+        /// List only the keys of this tenant.
         #[arg(long, value_name = "NAME")]
         tenant: Option<String>,
         #[command(flatten)]
         stores: Stores,
     },
-    /// Make a key like another and let that one end.
+    /// Replace an API key by a new one with the same tenant and scopes.
     Rotate {
-        /// The one to end.
+        /// Id of the key to replace.
         id: String,
-        /// Time for which both open, as 30m or in hours; 0 ends the old one at once.
+        /// Time for which both keys are valid, as 30m or in hours; 0 revokes the old key at once.
         #[arg(long, value_name = "TIME", default_value = "24h", value_parser = measure::hours)]
         overlap: Duration,
         #[command(flatten)]
         stores: Stores,
     },
-    /// End a key at once.
+    /// Revoke an API key at once.
     Revoke {
-        /// Which.
+        /// Id of the key to revoke.
         id: String,
         #[command(flatten)]
         stores: Stores,
@@ -77,10 +77,10 @@ fn scope(text: &str) -> Result<Scope, String> {
     Scope::parse(text).ok_or_else(|| format!("write one of {}", Scope::ALL.map(Scope::name).join(", ")))
 }
 
-/// Makes, lists, rotates or revokes keys.
+/// Makes, lists, rotates or revokes API keys.
 ///
 /// # Errors
-/// No such key; a database that cannot be had.
+/// There is no such key, or the database cannot be opened.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     match arguments.what {
         What::Create { tenant, scopes, name, expires, stores } => {
@@ -107,12 +107,12 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
 
 /// The key alone on standard output, so that it can be piped into a secret store.
 fn tell(issued: &Issued) -> Result<(), Failure> {
-    eprintln!("Key {} is told this once:", issued.id);
+    eprintln!("Key {}, shown only this once:", issued.id);
     output::print(format_args!("{}\n", issued.token))
 }
 
 fn none(id: &str) -> Failure {
-    Failure::failed("keys.missing", "No key that opens anything has this id.", "lampwright keys list names them.")
+    Failure::failed("keys.missing", "There is no valid key with this id.", "lampwright keys list shows all keys.")
         .at(id)
 }
 

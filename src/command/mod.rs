@@ -5,9 +5,9 @@
 mod ray_file;
 /// The variables that stand for arguments.
 pub mod environment;
-/// A ray file and what its user says of it, as one argument.
+/// A ray file with declarations about it, as one argument.
 mod channel_argument;
-/// The stores of a service, for who looks after it.
+/// The stores of a service, for the commands of its operator.
 mod stores;
 /// `serve`: the service.
 pub mod serve;
@@ -15,23 +15,23 @@ pub mod serve;
 pub mod build;
 /// The pipeline's options as flags.
 mod choices;
-/// `inspect`: what a file says, and what its rays say.
+/// `inspect`: the header of a ray file and an inspection of its rays.
 pub mod inspect;
-/// `convert`: a ray file as another.
+/// `convert`: writes a ray file in another format.
 pub mod convert;
 /// `sample`: known sources as ray files.
 pub mod sample;
 /// `openapi`: the contract.
 pub mod openapi;
-/// `keys`: who may use the service.
+/// `keys`: the API keys of a service.
 pub mod keys;
-/// `tenants`: how much each may use.
+/// `tenants`: usage and quotas of tenants.
 pub mod tenants;
-/// `backup`: a copy of everything.
+/// `backup`: a copy of the database and the blobs.
 pub mod backup;
-/// `health`: is a running service well?
+/// `health`: checks a running service.
 pub mod health;
-/// What every verb shares: arguments, failures, progress, tables on a terminal.
+/// What all commands share: arguments, failures, progress, tables on a terminal.
 mod terminal;
 
 pub use terminal::failure::Failure;

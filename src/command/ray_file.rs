@@ -12,7 +12,7 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// How much of a file inside is judged.
+/// Number of bytes of a file in an archive that its format is judged by.
 const PREFIX_BYTES: usize = 64 << 10;
 /// Bytes unpacked at once.
 const BLOCK_BYTES: usize = 256 << 10;
@@ -49,7 +49,7 @@ pub fn open(path: &Path) -> Result<Input, Failure> {
     if let [only] = found.rays.as_slice() {
         return found.open(only);
     }
-    let several = format!("It holds {} ray files: {}.", found.rays.len(), found.names());
+    let several = format!("The archive contains {} ray files: {}.", found.rays.len(), found.names());
     let remedy = format!("Choose one: {}:NAME.", found.shown());
     Err(Failure::usage("file.several", several, remedy).at(found.shown()))
 }
@@ -68,7 +68,7 @@ pub struct RayFiles {
 /// Finds the ray files of `path`: FILE, or FILE:MEMBER for one in a packed file. Unpacks no more than their beginnings.
 ///
 /// # Errors
-/// A disk that says no; a packed file that is broken, holds no ray file or no such member.
+/// The disk refuses an operation; or the archive is damaged, contains no ray file or not the named one.
 pub fn find(path: &Path) -> Result<RayFiles, Failure> {
     let (path, member) = split(path);
     let disk = |error: io::Error| Failure::disk(&path, &error);
@@ -136,7 +136,7 @@ impl RayFiles {
                 Ok(RayFiles { rays: vec![self.rays.swap_remove(at)], left_out: Vec::new(), ..self })
             }
             _ => {
-                let found = format!("There is no {member:?} in it. Ray files: {}.", self.names());
+                let found = format!("The archive contains no file {member:?}. Its ray files are: {}.", self.names());
                 Err(Failure::usage("file.member", found, "Choose one of these.").at(self.shown()))
             }
         }
@@ -144,8 +144,8 @@ impl RayFiles {
 
     fn without_rays(self) -> Failure {
         let why = self.left_out.iter().map(|(name, error)| format!(" {name} ({}): {error}", error.code()));
-        let found = format!("There is no ray file in it.{}", why.collect::<String>());
-        let remedy = "Name the ray file itself, or one packed with gzip, zstd or zip.";
+        let found = format!("The archive contains no ray file.{}", why.collect::<String>());
+        let remedy = "Name a ray file, or a gzip, zstd or zip file that contains one.";
         Failure::failed("container.no_ray_file", found, remedy).at(self.shown())
     }
 
@@ -193,7 +193,7 @@ impl RayFiles {
             at += 1;
             Ok(())
         })?;
-        let changed = || Failure::failed("file.changed", "It changed while it was read.", "Try again.");
+        let changed = || Failure::failed("file.changed", "The file changed while it was read.", "Try again.");
         input.ok_or_else(changed)
     }
 }
@@ -215,7 +215,7 @@ fn beginning(member: &mut Member<'_>) -> Result<(Vec<u8>, Option<u64>), Error> {
 
 fn into_temporary(member: &mut Member<'_>, name: &str) -> Result<Input, Failure> {
     let disk = |error: io::Error| {
-        let remedy = "Make room for the unpacked file, or name a roomier folder in TMPDIR.";
+        let remedy = "Free disk space for the unpacked file, or name a folder with more space in TMPDIR.";
         Failure::failed("file.temporary", error.to_string(), remedy).at(std::env::temp_dir().display().to_string())
     };
     let mut file = tempfile::tempfile().map_err(disk)?;

@@ -14,19 +14,19 @@ use std::path::{Path, PathBuf};
 /// Arguments of `sample`.
 #[derive(Args)]
 pub struct Arguments {
-    /// Which source; `--list` names them.
+    /// Name of the source; `--list` shows all.
     #[arg(required_unless_present = "list")]
     name: Option<String>,
     /// List the known sources.
     #[arg(long, exclusive = true)]
     list: bool,
-    /// How many rays.
+    /// Number of rays.
     #[arg(long, value_name = "N", default_value_t = 1_000_000, value_parser = clap::value_parser!(u64).range(1..))]
     rays: u64,
-    /// The same seed gives the same bytes, on every machine.
+    /// Seed of the random numbers; the same seed gives the same file on every machine.
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
-    /// Where the source's +Z shall point: +X -X +Y -Y +Z -Z.
+    /// Direction of the +Z axis of the source: +X -X +Y -Y +Z -Z.
     #[arg(long, value_name = "AXIS", default_value = "+Z", allow_hyphen_values = true, value_parser = argument::axis)]
     axis: Axis,
     /// The file to write [default: NAME.tm25ray].
@@ -37,13 +37,18 @@ pub struct Arguments {
 /// Lists the known sources, or writes one.
 ///
 /// # Errors
-/// A name that is none; a disk that says no.
+/// The name is not that of a known source, or the disk refuses an operation.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Some(name) = &arguments.name else {
         return output::print(catalogue());
     };
-    let unknown =
-        || Failure::usage("sample.unknown", "There is no such source.", "lampwright sample --list names them.");
+    let unknown = || {
+        Failure::usage(
+            "sample.unknown",
+            "There is no known source with this name.",
+            "lampwright sample --list shows all sources.",
+        )
+    };
     let source = known_sources::by_name(name).ok_or_else(|| unknown().at(name))?.rotate(arguments.axis);
     let path = arguments.output.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.tm25ray")));
     write(&source, arguments, &path).map_err(|error| Failure::disk(&path, &error))?;

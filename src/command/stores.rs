@@ -7,22 +7,22 @@ use service::storage::records::Records;
 use service::{Config, storage};
 use std::path::PathBuf;
 
-/// Which service's stores are meant: the same words as for `serve`.
+/// Arguments that name the stores of a service, the same as those of `serve`.
 #[derive(Args)]
 pub struct Stores {
-    /// The service's data folder.
+    /// The data folder of the service.
     #[arg(long, env = "LAMPWRIGHT_DATA", default_value = "data", value_name = "DIR")]
     pub data: PathBuf,
-    /// The service's database [default: sqlite:DIR/service.db].
+    /// The database of the service [default: sqlite:DIR/service.db].
     #[arg(long, env = "DATABASE_URL", value_name = "URL", hide_env_values = true)]
     database_url: Option<String>,
-    /// The service's object store [default: file:DIR/blobs].
+    /// The object store of the service [default: file:DIR/blobs].
     #[arg(long, env = "STORAGE_URL", value_name = "URL")]
     storage_url: Option<String>,
 }
 
 impl Stores {
-    /// What the service would be started with.
+    /// The settings that the service would be started with.
     pub fn config(&self) -> Config {
         let (database_url, storage_url) = (self.database_url.clone(), self.storage_url.clone());
         Config { database_url, storage_url, ..Config::new(&self.data) }
@@ -55,7 +55,9 @@ impl Stores {
 /// Those of `work`; no runtime to be had.
 pub fn run<T>(work: impl Future<Output = Result<T, Failure>>) -> Result<T, Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    let failed = |error: std::io::Error| Failure::failed("stores.runtime", error.to_string(), "Allow more files.");
+    let failed = |error: std::io::Error| {
+        Failure::failed("stores.runtime", error.to_string(), "Allow this process more open files.")
+    };
     runtime.map_err(failed)?.block_on(work)
 }
 
@@ -66,7 +68,9 @@ impl From<storage::Error> for Failure {
         }
         let remedy = match &error {
             storage::Error::Unsupported(_, remedy) => remedy,
-            _ => "See that it is the database of the service, that it can be reached, and that its disk has room.",
+            _ => {
+                "Check that this is the database of the service, that it can be reached, and that its disk has free space."
+            }
         };
         Failure::failed("stores.failed", error.to_string(), remedy)
     }

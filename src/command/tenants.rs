@@ -20,22 +20,22 @@ pub struct Arguments {
 
 #[derive(Subcommand)]
 enum What {
-    /// List tenants: what they use, and their own quotas where they have any.
+    /// List tenants with their usage and quotas.
     List {
         #[command(flatten)]
         stores: Stores,
     },
-    /// Say what a tenant may use. What is not said stays; `default` is the service's.
+    /// Set the quotas of a tenant. Quotas that are left out stay; `default` means the quota of the service.
     Set {
-        /// Which: a-z, 0-9 and -.
+        /// Name of the tenant: a-z, 0-9 and -.
         tenant: String,
-        /// Most that is kept, as 10GiB; 0 lets nothing more in.
+        /// Largest storage of the tenant, as 10GiB; 0 accepts no more files.
         #[arg(long, value_name = "SIZE", value_parser = size)]
         stored_bytes: Option<Limit>,
-        /// Most jobs waiting; 0 lets none wait.
+        /// Largest number of queued jobs; 0 accepts no jobs.
         #[arg(long, value_name = "N", value_parser = limit)]
         queued_jobs: Option<Limit>,
-        /// Most jobs computed at once; with 0, they wait.
+        /// Largest number of jobs computed at the same time; 0 leaves all of them queued.
         #[arg(long, value_name = "N", value_parser = limit)]
         running_jobs: Option<Limit>,
         #[command(flatten)]
@@ -64,13 +64,13 @@ fn size(text: &str) -> Result<Limit, String> {
 /// Lists tenants, or sets a quota.
 ///
 /// # Errors
-/// A name that is none; a database that cannot be had.
+/// The name is not valid, or the database cannot be opened.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     match arguments.what {
         What::List { stores } => output::print(table(&stores.with_records(used)?))?,
         What::Set { tenant, stored_bytes, queued_jobs, running_jobs, stores } => {
             if !tenants::is_name(&tenant) {
-                let found = "This is no name of a tenant.";
+                let found = "This is not a valid name of a tenant.";
                 return Err(Failure::usage("tenants.name", found, "Write 1 to 64 of a-z, 0-9 and -.").at(tenant));
             }
             let said = |now: Option<u64>, said: Option<Limit>| said.map_or(now, |Limit(limit)| limit);

@@ -22,28 +22,28 @@ const C_STEP_DEG: RangeInclusive<f64> = 1.0..=90.0;
 /// Most cells of an angular grid: more than any reader of IES files wants.
 const MOST_CELLS: usize = 40_000;
 
-/// Everything a client may choose.
+/// Options of the computation.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Options {
-    /// How rays are read.
+    /// How the rays are read.
     pub rays: RaysOptions,
-    /// How emission points become a surface.
+    /// How the emission points become a surface.
     pub hull: HullOptions,
-    /// How rays are laid on the surface.
+    /// How the rays are assigned to the surface.
     pub flux: FluxOptions,
-    /// How zones and their goniograms are made.
+    /// How the zones and their goniograms are computed.
     pub goniogram: GoniogramOptions,
-    /// How results are written.
+    /// How the artifacts are written.
     pub artifacts: ArtifactsOptions,
 }
 
-/// How rays are read.
+/// How the rays are read.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct RaysOptions {
-    /// Edges of the spectral bands, nm: 2 to 4097, positive, strictly increasing. Default: 380 to 780 in 10 nm, wider
-    /// where the rays are.
+    /// Edges of the spectral bands, nm: 2 to 4097 values, positive, strictly increasing. Default: 380 to 780 in steps of 10,
+    /// extended to the wavelengths of the rays.
     #[schemars(length(min = 2, max = MOST_BANDS + 1), example = some_edges())]
     pub band_edges_nm: Option<Vec<f64>>,
     /// Total flux of the source, of which every channel declares its share; said with the channels, not among the options.
@@ -52,53 +52,54 @@ pub struct RaysOptions {
     pub total: Option<Total>,
 }
 
-/// How emission points become a surface.
+/// How the emission points become a surface.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct HullOptions {
-    /// Where light is taken to start. Default: origins.
+    /// Which points of the rays are taken as the emitting surface. Default: origins.
     pub emission: Option<Emission>,
-    /// Cells along the longest edge of the emission's box. Default: from the number of rays.
+    /// Number of cells along the longest edge of the bounding box of the emission. Default: follows from the number of rays.
     #[schemars(range(min = *RESOLUTION.start(), max = *RESOLUTION.end()))]
     pub resolution: Option<u32>,
-    /// Longest edge of a stitched or filled triangle, mm: the size filter [мера фильтрации]. Default: from the cell size.
+    /// Longest edge of a stitched or filled triangle, mm: the size filter [мера фильтрации]. Default: follows from
+    /// the cell size.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub max_edge_mm: Option<f64>,
 }
 
-/// How rays are laid on the surface.
+/// How the rays are assigned to the surface.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct FluxOptions {
-    /// Smooths the exitance (Shepard). Default: true.
+    /// Whether the exitance is smoothed (Shepard). Default: true.
     pub smoothing: Option<bool>,
 }
 
-/// How zones and their goniograms are made.
+/// How the zones and their goniograms are computed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct GoniogramOptions {
-    /// The zone lattice. Default: from the density of the rays, at most 16 zones.
+    /// The lattice of zones. Default: follows from the density of the rays, at most 16 zones.
     pub zones: Option<Zones>,
-    /// The source axis at γ = 0. Default: the one nearest the direction of maximum intensity.
+    /// The source axis that points to γ = 0. Default: the axis nearest to the direction of maximum intensity.
     pub nadir_axis: Option<Axis>,
-    /// The source axis at C0; not the nadir's own. Default: the next one in cyclic order.
+    /// The source axis that points to C0; must not be parallel to `nadir_axis`. Default: the next axis in cyclic order.
     pub c0_axis: Option<Axis>,
-    /// Step of γ, degrees; divides 180. Default: from the beam's width.
+    /// Step of the γ angle, degrees; must divide 180. Default: follows from the beam width.
     #[schemars(range(min = *GAMMA_STEP_DEG.start(), max = *GAMMA_STEP_DEG.end()))]
     pub gamma_step_deg: Option<f64>,
-    /// Step of C, degrees; divides 360. Default: 10.
+    /// Step of the C angle, degrees; must divide 360. Default: 10.
     #[schemars(range(min = *C_STEP_DEG.start(), max = *C_STEP_DEG.end()))]
     pub c_step_deg: Option<f64>,
-    /// Smooths on the grid. Default: true.
+    /// Whether the intensities are smoothed on the angular grid. Default: true.
     pub smoothing: Option<bool>,
 }
 
-/// How results are written.
+/// How the artifacts are written.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ArtifactsOptions {
-    /// Where vertex spectra go in the glTF. Default: auto.
+    /// Where the glTF file has the vertex spectra. Default: auto.
     pub spectra: Option<Spectra>,
     /// Edition of the IES files. Default: LM-63-2002.
     pub ies_edition: Option<IesEdition>,
@@ -116,7 +117,7 @@ pub struct Zones {
     pub rows: u32,
 }
 
-/// Where light is taken to start.
+/// Which points of the rays are taken as the emitting surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Emission {
@@ -125,7 +126,7 @@ pub enum Emission {
     Origins,
 }
 
-/// Where vertex spectra go in the glTF.
+/// Where the glTF file has the vertex spectra.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Spectra {

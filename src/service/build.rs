@@ -17,7 +17,7 @@ fn main() -> io::Result<()> {
     Ok(())
 }
 
-/// The same for the same files of the same names and bytes in `root`. Nobody plans to deceive it.
+/// The same for the same files of the same names and bytes in `root`. It is no protection against deliberate collisions.
 pub fn identity(root: &Path, origins: &[&str]) -> io::Result<String> {
     let mut hasher = DefaultHasher::new();
     for origin in origins {

@@ -1,22 +1,23 @@
-//! Whose an error is: the one place that decides it for jobs, uploads and requests. From it follow what is tried again, what the
-//! log has as a fault, and how much a client is told: everything of its own input, and of our insides nothing.
+//! The cause of an error: the one place that decides it for jobs, uploads and requests. The cause decides what is tried again,
+//! what the log reports as a fault, and what a client sees: everything about its own input, nothing about the insides of the
+//! service.
 
 use crate::failure::Failure;
 use crate::priority::Lost;
 use crate::storage;
 
-/// Where an error comes from.
+/// The cause of an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
-    /// The file, or what was asked for. The client is told all of it; the same again would fail the same way.
+    /// The file or the request. The client sees the whole error; the same request would fail again.
     Input,
-    /// Nobody waits for the result any more.
+    /// The work was stopped because its result is not needed any more.
     Stopped,
-    /// A store does not answer, or has no room. Another attempt may do better.
+    /// The database or the object store does not answer, or is full. Another attempt may succeed.
     StoreAway,
     /// A store has lost what a row names. Another attempt would find the same; an operator has to know.
     StoreDamaged,
-    /// A fault of this program. Another attempt would most likely hit it again; the log says what it was.
+    /// An error in this program. Another attempt would most likely fail again; the log has the details.
     Ours,
 }
 
@@ -82,7 +83,7 @@ impl From<&pipeline::Error> for Failure {
         match error {
             Error::Malformed(fault) => Failure::of("The file is malformed", fault),
             Error::Refused(fault) => Failure::of("The file is refused", fault),
-            Error::Unusable(fault) => Failure::of("What was asked for cannot be used", fault),
+            Error::Unusable(fault) => Failure::of("The request is not valid", fault),
             Error::Cancelled => Failure::stopped(),
             Error::Unreadable(_) => stored(error).map_or_else(Failure::store_away, Failure::from),
             Error::Internal(_) => Failure::internal(),
@@ -96,6 +97,6 @@ fn owner(key: &str) -> String {
     match (parts.next(), parts.next()) {
         (Some("ray-sets"), Some(id)) => format!("the ray set {id}"),
         (Some("artifacts"), Some(id)) => format!("the artifacts of the job {id}"),
-        _ => "what was asked for".to_owned(),
+        _ => "the requested resource".to_owned(),
     }
 }

@@ -1,4 +1,4 @@
-//! What an operator may choose. Plain values: the command line reads arguments and environment into it.
+//! The settings of a service, as plain values: the command line reads them from arguments and environment variables.
 
 use crate::accounts::quota::Quota;
 use crate::connections::Bounds;
@@ -12,105 +12,105 @@ use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
 use std::time::Duration;
 
-/// What a process does.
+/// Role of a process.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Role {
-    /// Answers clients; computes nothing.
+    /// The process answers requests of clients and computes no jobs.
     Api,
-    /// Computes; answers only whether it is well.
+    /// The process computes jobs and answers only health checks and metrics.
     Worker,
-    /// Both.
+    /// The process does both.
     #[default]
     All,
 }
 
 impl Role {
-    /// Answers clients.
+    /// Whether the process answers requests of clients.
     pub fn answers(self) -> bool {
         self != Role::Worker
     }
 
-    /// Computes.
+    /// Whether the process computes jobs.
     pub fn computes(self) -> bool {
         self != Role::Api
     }
 }
 
-/// Everything a service is started with; [`Config::new`] has the defaults.
+/// All settings of a service; [`Config::new`] has the defaults.
 #[derive(Clone, Debug)]
 pub struct Config {
-    /// The folder that holds everything which is not elsewhere by its URL; one process at a time.
+    /// The data folder, for the database and the blobs that have no URL of their own; one process at a time may use it.
     pub data: PathBuf,
-    /// What this process does.
+    /// Role of this process.
     pub role: Role,
-    /// Where to listen; port 0 takes any.
+    /// Address to listen on; port 0 chooses a free port.
     pub listen: SocketAddr,
     /// The database, `sqlite:` or `postgres:`. Default: `sqlite:<data>/service.db`.
     pub database_url: Option<String>,
     /// The object store, `file:` or `s3://`. Default: `file:<data>/blobs`.
     pub storage_url: Option<String>,
-    /// Largest file taken, and largest ray file in a packed one, bytes.
+    /// Largest file that is accepted, and largest ray file in an archive, bytes.
     pub max_upload_bytes: u64,
-    /// The slowest upload that is not given up.
+    /// The slowest upload that is not aborted.
     pub slowest: Slowest,
-    /// How long an upload that can be resumed is kept when nothing more comes, and what became of it when all came.
+    /// Time after which an unfinished resumable upload expires when no more bytes arrive, and the result of a finished one.
     pub upload_expiry: Duration,
-    /// Ask for keys on loopback too; elsewhere they always are.
+    /// Require API keys on loopback too; on other addresses they are always required.
     pub auth: bool,
     /// Web pages of these origins may use the service: `https://portal.example`.
     pub cors_origins: Vec<String>,
-    /// What a tenant may use that has no quota of its own.
+    /// Quota of a tenant that has none of its own.
     pub quota: Quota,
-    /// Requests a second that a key may make on and on.
+    /// Sustained rate of one API key, requests per second.
     pub rate_per_second: u32,
-    /// Requests that a key may make at once after a rest.
+    /// Largest burst of requests of one API key after a pause.
     pub rate_burst: u32,
-    /// What connections may ask of this process.
+    /// Limits for connections.
     pub bounds: Bounds,
-    /// Who stands between the service and its clients.
+    /// The proxies between the service and its clients.
     pub proxies: Proxies,
-    /// What may be reached although it is not the internet's: by webhooks, and to fetch files.
+    /// Hosts and networks that webhooks and fetches may reach although they are not on the public internet.
     pub outbound_exceptions: Vec<outbound::Exception>,
-    /// Fetch files from addresses; `None`: where keys are asked for.
+    /// Whether files are fetched from URLs; `None`: only where API keys are required.
     pub ingest: Option<bool>,
-    /// Buckets that files may be fetched from: `s3://bucket/prefix`.
+    /// Buckets that files may be fetched from, as `s3://bucket/prefix`.
     pub ingest_buckets: Vec<String>,
-    /// How webhooks are told.
+    /// Timing of webhook deliveries.
     pub webhooks: webhooks::Policy,
-    /// Bytes kept free on local disks: with less, nothing new is taken and `/readyz` is 503.
+    /// Space to keep free on local disks, bytes: below it, new data is refused and `/readyz` is 503.
     pub keep_free: u64,
-    /// What is kept, and for how long.
+    /// How long ended jobs and unused ray sets are kept.
     pub retention: Retention,
-    /// Jobs computed at once.
+    /// Number of jobs computed at the same time.
     pub concurrency: usize,
-    /// Threads each of them computes on.
+    /// Number of threads for each job.
     pub threads: usize,
-    /// What all jobs computed at once may need together, bytes.
+    /// Memory budget for all running jobs together, bytes.
     pub memory_bytes: u64,
-    /// Longest that an attempt at a job may take.
+    /// Time limit of an attempt at a job.
     pub job_timeout: Duration,
-    /// How often a job may be begun before it counts as what kills its worker.
+    /// Number of attempts at a job whose worker is lost, before the job fails.
     pub max_attempts: u32,
-    /// How long a worker may be silent before its job is given to another.
+    /// Time without a renewal of its lease after which a job is given to another worker.
     pub lease: Duration,
-    /// How often an idle worker looks for jobs it was not told of.
+    /// How often an idle worker looks for jobs that other processes queued.
     pub poll: Duration,
-    /// For how long nothing was written where a blob is that no row names, before the blob is deleted.
+    /// Time without any write in the folder of a blob that the database does not name, before the blob is deleted.
     pub garbage_age: Duration,
-    /// How long a service takes to stop at most: for running jobs, open connections and everything else together.
+    /// Longest time that a service takes to stop: for running jobs, open connections and everything else together.
     pub grace: Duration,
-    /// What a ray file may ask of this machine.
+    /// Limits for ray files on this machine.
     pub limits: pipeline::Limits,
 }
 
-/// What is kept, and for how long.
+/// How long ended jobs and unused ray sets are kept.
 #[derive(Clone, Copy, Debug)]
 pub struct Retention {
-    /// Ended jobs and their artifacts, from their end; `None`: until somebody deletes them.
+    /// Time after its end after which a job is deleted with its artifacts; `None`: never.
     pub jobs: Option<Duration>,
-    /// Ray sets, from their last use; `None`: until somebody deletes them.
+    /// Time after its last use after which a ray set is deleted; `None`: never.
     pub ray_sets: Option<Duration>,
-    /// How often to look.
+    /// How often to look for jobs and ray sets to delete.
     pub every: Duration,
 }
 
@@ -154,8 +154,8 @@ impl Config {
         }
     }
 
-    /// How often a worker renews its lease, tells of its progress and hears of a cancellation.
-    pub fn beat(&self) -> Duration {
+    /// How often a worker renews the lease of its job, stores its progress and learns of a cancellation.
+    pub fn renew_every(&self) -> Duration {
         (self.lease / 3).min(Duration::from_secs(1))
     }
 
@@ -165,22 +165,22 @@ impl Config {
         Shares::new((self.bounds.connections * 3 / 4).max(1), self.asks_for_keys())
     }
 
-    /// How webhooks are told, with links below the path of the public URL.
-    pub fn told(&self) -> webhooks::Policy {
+    /// The policy for webhook deliveries, with links below the path of the public URL.
+    pub fn webhook_policy(&self) -> webhooks::Policy {
         webhooks::Policy { prefix: self.proxies.public.clone().unwrap_or_default(), ..self.webhooks.clone() }
     }
 
-    /// Whether keys are asked for: always, but where only this machine can reach the service.
+    /// Whether API keys are required: always, except where only this machine can reach the service.
     pub fn asks_for_keys(&self) -> bool {
         self.auth || !self.listen.ip().to_canonical().is_loopback()
     }
 
-    /// Whether files are fetched from addresses: without keys, only if somebody says so.
+    /// Whether files are fetched from URLs: without API keys, only if the operator enables it.
     pub fn ingests(&self) -> bool {
         self.ingest.unwrap_or(self.asks_for_keys())
     }
 
-    /// The local folders that are written to.
+    /// The local folders that the service writes to.
     pub fn local_folders(&self) -> Vec<PathBuf> {
         let records = database_url::path(&self.database_url()).map(|file| match file.parent() {
             Some(folder) if folder != Path::new("") => folder.to_owned(),
@@ -190,18 +190,18 @@ impl Config {
         records.into_iter().chain(blobs).collect()
     }
 
-    /// True when both stores are on this machine and belong to one process at a time. Then a lock on the data folder proves
-    /// at the start that whoever wrote before is gone; on shared engines only leases and the age of a blob can tell.
+    /// True when both stores are on this machine and belong to one process at a time. Then a lock on the data folder proves at the
+    /// start that the process before has ended; on shared engines only leases and the age of a blob show that.
     pub fn is_alone(&self) -> bool {
         self.database_url().starts_with("sqlite:") && self.storage_url().starts_with("file:")
     }
 
-    /// How often garbage is looked for.
+    /// How often the garbage collection runs.
     pub fn garbage_period(&self) -> Duration {
         (self.garbage_age / 24).max(Duration::from_secs(1))
     }
 
-    /// The database to open.
+    /// URL of the database to open.
     pub fn database_url(&self) -> String {
         let url = self.database_url.clone().unwrap_or_else(|| database_url::url(&self.data.join("service.db")));
         // A file that is not there is a first start.
@@ -209,7 +209,7 @@ impl Config {
         if bare { format!("{url}?mode=rwc") } else { url }
     }
 
-    /// The object store to open.
+    /// URL of the object store to open.
     pub fn storage_url(&self) -> String {
         self.storage_url.clone().unwrap_or_else(|| format!("file:{}", self.data.join("blobs").display()))
     }

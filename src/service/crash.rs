@@ -65,6 +65,6 @@ fn armed() -> Option<Armed> {
     let wanted = std::env::var(VARIABLE).ok().filter(|wanted| !wanted.is_empty())?;
     let (point, pass) = wanted.split_once(':').unwrap_or((&wanted, "1"));
     let passes_left = AtomicU64::new(pass.parse().ok()?);
-    tracing::warn!(point, pass, "armed: this process will die");
+    tracing::warn!(point, pass, "crash point armed: this process will end on purpose");
     Some(Armed { point: point.to_owned(), passes_left })
 }

@@ -4,18 +4,18 @@ use pipeline::{Fault, Notice, Stage};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
-/// Why a job failed, as stored and told.
+/// Why a job failed, as it is stored and as clients see it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Failure {
-    /// Stable: programs may depend on it.
+    /// Stable code: programs may depend on it.
     pub code: String,
-    /// The kind of failure, for a person.
+    /// Short title of the kind of failure.
     pub title: String,
-    /// What was found.
+    /// What is wrong in this case.
     pub detail: String,
-    /// Where: "byte 20", "options.hull.resolution".
+    /// Where the problem is: "byte 20", "options.hull.resolution".
     pub at: Option<String>,
-    /// What to do.
+    /// What the client or the operator can do about it.
     pub remedy: Option<String>,
 }
 
@@ -24,10 +24,10 @@ impl Failure {
     pub fn worker_lost(attempts: u32) -> Failure {
         Failure {
             code: "job.worker_lost".into(),
-            title: "The worker was lost".into(),
-            detail: format!("The process that computed this job disappeared {attempts} times."),
+            title: "The worker process was lost".into(),
+            detail: format!("The process that computed this job ended unexpectedly {attempts} times."),
             at: None,
-            remedy: Some("See the service's log and memory; this input may need more than there is.".into()),
+            remedy: Some("Ask the operator to look at the log and the memory of the service; this job may need more memory than there is.".into()),
         }
     }
 
@@ -36,14 +36,14 @@ impl Failure {
         Failure { code: "job.panicked".into(), ..Failure::internal() }
     }
 
-    /// A fault of ours: what it was is in the log, not here.
+    /// The failure of an error in the service itself; its details are in the log, not here.
     pub fn internal() -> Failure {
         Failure {
             code: "run.internal".into(),
-            title: "The computation hit a fault of ours".into(),
-            detail: "The service met a fault of its own while it computed this job; its log says which.".into(),
+            title: "The computation failed because of an internal error".into(),
+            detail: "An error in the service itself stopped the computation of this job; the log of the service has the details.".into(),
             at: None,
-            remedy: Some("Report it with the id of this job, and with its ray sets if they can be shared.".into()),
+            remedy: Some("Report this with the id of the job, and with its ray sets if you can share them.".into()),
         }
     }
 
@@ -52,9 +52,9 @@ impl Failure {
         Failure {
             code: "bytes.unreadable".into(),
             title: "The stored bytes could not be read".into(),
-            detail: "The store of the service did not answer when this job needed it.".into(),
+            detail: "The storage of the service did not answer while this job read its input.".into(),
             at: None,
-            remedy: Some("Submit it again later; the service's log says what the store answered.".into()),
+            remedy: Some("Submit the job again later; the log of the service has the answer of the storage.".into()),
         }
     }
 
@@ -63,10 +63,10 @@ impl Failure {
         Failure {
             code: "storage.blob_missing".into(),
             title: "Stored bytes are missing".into(),
-            detail: format!("The store of the service no longer has the bytes of {whose}."),
+            detail: format!("The storage of the service no longer has the bytes of {whose}."),
             at: None,
             remedy: Some(
-                "Send the file again and submit a new job; tell the operator, whose log names what is missing.".into(),
+                "Upload the file again and submit a new job. Tell the operator: the log of the service names the missing blob.".into(),
             ),
         }
     }
@@ -76,19 +76,19 @@ impl Failure {
         Failure {
             code: "storage.blob_damaged".into(),
             title: "Stored bytes are damaged".into(),
-            detail: format!("The store of the service has fewer bytes of {whose} than it took in."),
+            detail: format!("The storage of the service has fewer bytes of {whose} than were uploaded."),
             ..Failure::blob_missing(whose)
         }
     }
 
-    /// It saw that nobody wants it.
+    /// The failure of a computation that was stopped before its end.
     pub fn stopped() -> Failure {
         Failure {
             code: pipeline::Error::Cancelled.code().into(),
             title: "The job was stopped".into(),
-            detail: "The computation was told to stop.".into(),
+            detail: "The computation was stopped before its end.".into(),
             at: None,
-            remedy: Some("Submit it again.".into()),
+            remedy: Some("Submit the job again.".into()),
         }
     }
 
@@ -99,26 +99,24 @@ impl Failure {
         Failure {
             code: "job.timeout".into(),
             title: "The job took too long".into(),
-            detail: format!("It was stopped {stage} after {} s, the longest that it may take.", longest.as_secs_f64()),
+            detail: format!("The job was stopped {stage} after {} s, its time limit.", longest.as_secs_f64()),
             at: Some("timeout_s".into()),
             remedy: Some(
-                "Give it a larger timeout_s, up to the service's own; send fewer rays, or choose a lower hull.resolution, \
-                 fewer zones or fewer bands; or ask the operator for more: serve --job-timeout."
+                "Submit the job with a larger timeout_s, up to the limit of the service; use fewer rays, a lower hull.resolution, fewer zones or fewer bands; or ask the operator to raise serve --job-timeout."
                     .into(),
             ),
         }
     }
 
-    /// It was queued when there was more memory.
+    /// The failure of a job that was queued when the service had more memory.
     pub fn too_large(limit_bytes: u64) -> Failure {
         Failure {
             code: "job.too_large".into(),
             title: "The job needs too much memory".into(),
-            detail: format!("It needs more than the {} MiB that all jobs may need together by now.", limit_bytes >> 20),
+            detail: format!("The job needs more than {} MiB of memory, the present limit for all jobs of one process together.", limit_bytes >> 20),
             at: Some("options".into()),
             remedy: Some(
-                "Choose a lower hull.resolution, fewer goniogram.zones, wider goniogram steps or fewer \
-                 rays.band_edges_nm; or ask the operator for more: serve --memory."
+                "Choose a lower hull.resolution, fewer goniogram.zones, wider goniogram steps or fewer rays.band_edges_nm; or ask the operator to raise serve --memory."
                     .into(),
             ),
         }
@@ -128,10 +126,10 @@ impl Failure {
     pub fn store_full() -> Failure {
         Failure {
             code: "storage.full".into(),
-            title: "The store is full".into(),
-            detail: "There was no room for the artifacts of this job.".into(),
+            title: "The storage is full".into(),
+            detail: "The storage of the service had no space for the artifacts of this job.".into(),
             at: None,
-            remedy: Some("Delete jobs and ray sets, or make room; then submit it again.".into()),
+            remedy: Some("Delete jobs and ray sets that you do not need, or ask the operator for more storage space; then submit the job again.".into()),
         }
     }
 
@@ -140,9 +138,9 @@ impl Failure {
         Failure {
             code: "job.unreadable".into(),
             title: "The stored job cannot be read".into(),
-            detail: "This version of the service cannot read what an earlier one has stored of the job.".into(),
+            detail: "An earlier version of the service stored this job in a form that this version cannot read.".into(),
             at: None,
-            remedy: Some("Submit it again.".into()),
+            remedy: Some("Submit the job again.".into()),
         }
     }
 
@@ -158,19 +156,19 @@ impl Failure {
     }
 }
 
-/// Something that was repaired, dropped or odd.
+/// A notice about data that was repaired, dropped or unusual.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 #[schema(as = Notice)]
 pub struct StoredNotice {
-    /// Stable: programs may depend on it.
+    /// Stable code: programs may depend on it.
     pub code: String,
-    /// The channel it concerns, by its name; null where it concerns the whole source.
+    /// Name of the channel that the notice is about; null if it is about the whole source.
     #[serde(default)]
     #[schema(required)]
     pub channel: Option<String>,
-    /// How often.
+    /// How often it occurred.
     pub count: u64,
-    /// Index of the first ray it happened to, from 0; null where it concerns no single ray.
+    /// Index of the first affected ray, from 0; null if no single ray is affected.
     #[schema(required)]
     pub first_ray: Option<u64>,
     /// What was found and what was done.
@@ -189,25 +187,25 @@ impl From<&Notice> for StoredNotice {
     }
 }
 
-/// Why an upload was refused, as stored with it and told to whoever asks for it: the words and the status of the answer that a
-/// single request would have got.
+/// Why an upload was refused, as it is stored and as clients see it: the problem that a single request with the same file would
+/// have been answered with.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Refusal {
     /// `urn:lampwright:problem:<code>`.
     #[serde(rename = "type")]
     pub kind: String,
-    /// The kind of problem, for a person.
+    /// Short title of the kind of problem.
     pub title: String,
     /// The HTTP status.
     pub status: u16,
-    /// What was found.
+    /// What is wrong in this case.
     pub detail: String,
-    /// Stable: programs may depend on it.
+    /// Stable code: programs may depend on it.
     pub code: String,
-    /// Where: "byte 20", a path in the body.
+    /// Where the problem is: "byte 20", a path in the body.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at: Option<String>,
-    /// What to do.
+    /// What the client or the operator can do about it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub remedy: Option<String>,
 }

@@ -1,4 +1,4 @@
-//! Whom a request comes from, and below which path clients reach the service, when proxies stand between: `Forwarded` (RFC 7239)
+//! The client of a request, and the path below which clients reach the service, when proxies stand between: `Forwarded` (RFC 7239)
 //! and the older `X-Forwarded-For`, and `X-Forwarded-Prefix`. Only proxies that the operator trusts are believed: anybody can send
 //! these headers.
 
@@ -14,12 +14,12 @@ const MAX_PREFIX_CHARS: usize = 255;
 const FOR: HeaderName = HeaderName::from_static("x-forwarded-for");
 const PREFIX: HeaderName = HeaderName::from_static("x-forwarded-prefix");
 
-/// The client that asks: the other end of the connection, or whom a trusted proxy names.
+/// The client of a request: the other end of the connection, or the address that a trusted proxy names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Peer {
-    /// Its address.
+    /// IP address of the client.
     pub ip: IpAddr,
-    /// Its port, where it is known.
+    /// Port of the client, where it is known.
     pub port: Option<u16>,
 }
 
@@ -65,17 +65,17 @@ impl Prefix {
     }
 }
 
-/// What is known of the proxies before this service.
+/// The settings about proxies in front of this service.
 #[derive(Clone, Debug, Default)]
 pub struct Proxies {
-    /// What they say is believed.
+    /// Networks of the proxies whose headers are trusted.
     pub trusted: Vec<IpNet>,
     /// The path of the service's public URL, where the operator has said one; goes before what a proxy says.
     pub public: Option<Prefix>,
 }
 
 impl Proxies {
-    /// Whether what comes from this address is believed.
+    /// Whether the headers of a proxy at this address are trusted.
     pub fn trusts(&self, address: IpAddr) -> bool {
         let address = address.to_canonical();
         self.trusted.iter().any(|network| network.contains(&address))

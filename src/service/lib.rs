@@ -1,44 +1,44 @@
-//! Sockets, disk and time. Everything is wired here and nowhere else; what is computed is [`pipeline`]'s.
+//! The HTTP service: sockets, disk and time. Its parts are put together here and nowhere else; the computation is in [`pipeline`].
 
 /// What an operator may choose.
 pub mod config;
-/// Logs.
+/// Logs and traces.
 pub mod telemetry;
-/// Numbers.
+/// Metrics of this process.
 pub mod metrics;
-/// Who may do what.
+/// API keys, tenants and quotas.
 pub mod accounts;
-/// Points at which a test makes the process die.
+/// Crash points, at which a test ends the process.
 pub mod crash;
 /// Bytes, written.
 mod hex;
-/// Moments, written.
+/// Times, written as RFC 3339.
 pub mod calendar;
-/// Which threads give way to those that answer.
+/// Priorities of threads: computations give way to requests.
 pub mod priority;
-/// Clients' own keys and values.
+/// Metadata: the client's own keys and values.
 pub mod metadata;
-/// Which cryptography TLS uses.
+/// The cryptography of TLS.
 pub mod tls;
-/// What outlives the process: rows and blobs.
+/// The database and the object store.
 pub mod storage;
-/// Whose an error is.
+/// Causes of errors: the input, a store or the service.
 pub mod cause;
-/// Whom a request comes from.
+/// The client of a request behind trusted proxies.
 pub mod forwarded;
-/// Takes connections.
+/// Accepts and limits TCP connections.
 pub mod connections;
-/// Asks elsewhere.
+/// Outbound HTTP requests.
 pub mod outbound;
-/// Takes in a ray file.
+/// Uploads of ray files, and stored ray sets.
 pub mod ray_sets;
-/// What is to be computed, and who computes it.
+/// The job queue and its workers.
 pub mod jobs;
-/// Tells others that jobs have ended.
+/// Webhooks, which report ended jobs.
 pub mod webhooks;
 /// How much memory there is.
 mod machine;
-/// The service's face.
+/// The HTTP API.
 pub mod http;
 /// Why a job failed or an upload was refused, as it is stored and shown.
 pub mod failure;
@@ -53,7 +53,7 @@ pub use config::{Config, Role};
 
 use accounts::access::DEFAULT_TENANT;
 use accounts::rate::RateLimit;
-use accounts::{Door, keys};
+use accounts::{Authenticator, keys};
 use axum::Router;
 use connections::{Server, Stopping};
 use http::api::{Api, Services};
@@ -107,29 +107,29 @@ pub enum StartError {
     /// The address cannot be listened on.
     #[error("cannot listen on {address}: {error}")]
     Listen {
-        /// Which.
+        /// The address to listen on.
         address: SocketAddr,
-        /// Why.
+        /// The error of the system.
         error: io::Error,
     },
-    /// Others could reach it, and nobody has a key.
-    #[error("at {0} others can reach this service, and it has no keys yet")]
+    /// Other machines could reach the service, but there is no API key.
+    #[error("other machines can reach this service at {0}, but it has no API keys yet")]
     NoKeys(SocketAddr),
-    /// A store cannot be opened.
+    /// The database or the object store cannot be opened.
     #[error(transparent)]
     Storage(#[from] storage::error::Error),
-    /// The computing threads cannot be had.
+    /// The computing threads cannot be started.
     #[error("cannot start the computing threads: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
 }
 
-/// Why something given from within was not taken in.
+/// Why [`Service::submit`] did not queue a job.
 #[derive(Debug, thiserror::Error)]
 pub enum SubmitError {
-    /// The ray file.
+    /// The ray file was not stored.
     #[error(transparent)]
     Upload(#[from] ray_sets::error::Error),
-    /// The job.
+    /// The job was not queued.
     #[error(transparent)]
     Queue(#[from] queue::Error),
 }
@@ -137,9 +137,9 @@ pub enum SubmitError {
 /// What [`Service::submit`] made of a ray file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Submitted {
-    /// The ray set's identifier.
+    /// Identifier of the ray set.
     pub ray_set: String,
-    /// The job's identifier.
+    /// Identifier of the job.
     pub job: String,
 }
 
@@ -153,9 +153,9 @@ pub struct Service {
     slots: JoinSet<()>,
     stopping: Stopping,
     release: CancellationToken,
-    /// Looks for garbage, for what is kept no longer, for uploads to finish and for what is to be told, until the service stops.
+    /// Tasks that run until the service stops: garbage collection, retention, finishing of uploads and webhooks.
     upkeep: JoinSet<()>,
-    /// Held as long as the service lives: proves that nobody else works in the data folder.
+    /// Lock on the data folder, held as long as the service lives: proves that no other process uses the folder.
     _lock: Option<File>,
 }
 
@@ -207,7 +207,7 @@ impl Service {
         let watching = watcher.clone().keep_up(records, recent, queue.changes(), config.poll);
         upkeep.spawn(until(stop.clone(), watching));
         let outbound = Outbound::new(config.outbound_exceptions.clone());
-        let dispatcher = Dispatcher::new(storage.records.clone(), outbound, config.told(), metrics.clone());
+        let dispatcher = Dispatcher::new(storage.records.clone(), outbound, config.webhook_policy(), metrics.clone());
         if config.role.answers() {
             let (records, changes) = (storage.records.clone(), queue.changes());
             let announcing = outbox::keep_up(records, dispatcher.clone(), changes, config.poll);
@@ -223,7 +223,7 @@ impl Service {
             runner,
             limits: config.limits,
             poll: config.poll,
-            beat: config.beat(),
+            renew_every: config.renew_every(),
             patience: config.lease.saturating_mul(10),
             metrics: metrics.clone(),
             stop: stop.clone(),
@@ -278,7 +278,7 @@ impl Service {
                 stopping: draining.clone(),
             },
             intake,
-            door: Door::new(storage.records.clone(), config.asks_for_keys(), rate),
+            authenticator: Authenticator::new(storage.records.clone(), config.asks_for_keys(), rate),
             origins: config.cors_origins.clone().into(),
             prefix: config.proxies.public.clone().unwrap_or_default(),
             space,
@@ -292,12 +292,12 @@ impl Service {
         }))
     }
 
-    /// Where it listens.
+    /// The address that the service listens on.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Its face, for requests that come from within.
+    /// The router of the HTTP API, for requests from within this process.
     pub fn router(&self) -> Router {
         match self.config.role.answers() {
             true => http::router(self.api.clone()),
@@ -316,14 +316,14 @@ impl Service {
         let mut submitted = Vec::new();
         for ray_set in taken.ray_sets.into_iter().map(|ray_set| ray_set.id) {
             let (queue, new) = (&self.api.queue, NewJob::of(&ray_set));
-            let prospect = queue.prospect(DEFAULT_TENANT, &new).await?;
-            let job = queue.enqueue(DEFAULT_TENANT, &new, &prospect, None).await?.id;
+            let plan = queue.plan(DEFAULT_TENANT, &new).await?;
+            let job = queue.enqueue(DEFAULT_TENANT, &new, &plan, None).await?.id;
             submitted.push(Submitted { ray_set, job });
         }
         Ok(submitted)
     }
 
-    /// True when it has neither ray sets nor jobs: nobody has used this data folder yet.
+    /// Whether the service has neither ray sets nor jobs: its data folder was not used before.
     ///
     /// # Errors
     /// The database did not answer.
@@ -390,7 +390,7 @@ struct Phases {
 }
 
 impl Phases {
-    /// Of a service that is told now to stop within `grace`: half of it, at most two seconds, is for giving jobs back, and
+    /// The end of a service that is to stop now within `grace`: half of it, at most two seconds, is for giving jobs back, and
     /// a quarter of that for the end.
     fn of(grace: Duration) -> Phases {
         let (now, last) = (Instant::now(), (grace / 2).min(GIVING_BACK));
@@ -421,15 +421,15 @@ async fn fault(tasks: &mut JoinSet<()>) -> JoinError {
     }
 }
 
-/// Deletes what no row names, again and again. How much else is in the store was `told` before.
-async fn collect_garbage(storage: Storage, config: Config, mut told: usize) {
+/// Deletes the blobs that the database does not name, again and again. `left_alone`: number of other objects in the store when it was last logged.
+async fn collect_garbage(storage: Storage, config: Config, mut left_alone: usize) {
     let mut ticker = interval(config.garbage_period());
     ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         ticker.tick().await;
         match collect(&storage, config.garbage_age).await {
-            Ok(collected) => told = collected.log_left_alone(told),
-            Err(error) => tracing::warn!(%error, "cannot look for garbage; trying again later"),
+            Ok(collected) => left_alone = collected.log_left_alone(left_alone),
+            Err(error) => tracing::warn!(%error, "cannot search for garbage; trying again later"),
         }
     }
 }
@@ -451,8 +451,12 @@ async fn open(config: &Config) -> Result<(Option<File>, Storage), StartError> {
     // A store that is away holds up no start; garbage is not collected before it has answered.
     match timeout(OWNER_LOOK, owner::check(&storage)).await {
         Ok(Err(error @ storage::error::Error::Unusable(_))) => return Err(error.into()),
-        Ok(Err(error)) => tracing::warn!(%error, "cannot see yet whether the object store belongs to this database"),
-        Err(_) => tracing::warn!("the object store has not said yet whether it belongs to this database"),
+        Ok(Err(error)) => {
+            tracing::warn!(%error, "cannot check yet whether the object store belongs to this database; trying again")
+        }
+        Err(_) => {
+            tracing::warn!("the object store does not answer yet: cannot check whether it belongs to this database")
+        }
         Ok(Ok(())) => {}
     }
     // Not before it is known that they are ours.

@@ -1,5 +1,5 @@
-//! Numbers that answer "is it stuck?", in Prometheus' words: the only file that names its client. What this process did is
-//! counted as it happens; what all processes share (the queue) is asked of the database when somebody looks.
+//! Metrics for Prometheus, which answer "is it stuck?": the only file that names its client. What this process does is counted as
+//! it happens; what all processes share (the queue) is read from the database at each request for the metrics.
 
 use pipeline::Stage;
 use prometheus_client::encoding::{EncodeLabelSet, text};
@@ -13,18 +13,18 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::time::Duration;
 
-/// The two ways in which Prometheus reads numbers.
+/// The two formats in which Prometheus reads metrics.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Exposition {
     /// Prometheus' text format 0.0.4, which every tool reads.
     #[default]
     Text,
-    /// OpenMetrics 1.0, for who asks for it, as Prometheus does.
+    /// OpenMetrics 1.0, for clients that ask for it, as Prometheus does.
     OpenMetrics,
 }
 
 impl Exposition {
-    /// Its media type.
+    /// Media type of the format.
     pub fn media_type(self) -> &'static str {
         match self {
             Exposition::Text => "text/plain; version=0.0.4; charset=utf-8",
@@ -74,7 +74,7 @@ struct Build {
 
 type Seconds = Gauge<f64, AtomicU64>;
 
-/// All numbers of one process. Cheap to clone.
+/// All metrics of one process. Cheap to clone.
 #[derive(Clone)]
 pub struct Metrics(Arc<Numbers>);
 
@@ -121,7 +121,7 @@ impl Default for Metrics {
 }
 
 impl Metrics {
-    /// Numbers that begin at zero.
+    /// Metrics that start at zero.
     pub fn new() -> Metrics {
         let mut numbers = Numbers {
             registry: Registry::with_prefix("lampwright"),
@@ -156,17 +156,17 @@ impl Metrics {
         Metrics(Arc::new(numbers))
     }
 
-    /// A connection was taken; dropped, it is gone.
+    /// Counts an open connection until the returned value is dropped.
     pub fn connection(&self) -> AtHand {
         AtHand::of(&self.0.connections)
     }
 
-    /// An upload has begun; dropped, it has ended.
+    /// Counts a running upload until the returned value is dropped.
     pub fn upload(&self) -> AtHand {
         AtHand::of(&self.0.uploads)
     }
 
-    /// Bytes of an upload came.
+    /// Counts received bytes of an upload.
     pub fn upload_bytes(&self, bytes: u64) {
         self.0.upload_bytes.inc_by(bytes);
     }
@@ -186,34 +186,34 @@ impl Metrics {
         self.0.requests.get_or_create(&Answer { method, route, status }).inc();
     }
 
-    /// An attempt at a job ended so.
+    /// Counts an attempt at a job by its ending and duration.
     pub fn attempted(&self, ending: &'static str, took: Duration) {
         self.0.attempts.get_or_create(&Ended { ending }).inc();
         self.0.attempt_seconds.get_or_create(&Ended { ending }).observe(took.as_secs_f64());
     }
 
-    /// Jobs were taken back from workers that fell silent.
+    /// Counts jobs whose worker lost its lease.
     pub fn leases_lost(&self, jobs: u64) {
         self.0.leases_lost.inc_by(jobs);
     }
 
-    /// Whether the job that is next does not fit beside those at hand.
+    /// Notes whether the next job of the queue waits for memory.
     pub fn waits_for_memory(&self, waits: bool) {
         self.0.waits_for_memory.set(i64::from(waits));
     }
 
-    /// Memory that the jobs at hand are expected to need, by this many bytes more or less.
+    /// Changes the memory that is reserved for running jobs by this many bytes.
     pub fn job_memory(&self, more_bytes: i64) {
         self.0.job_memory.inc_by(more_bytes);
     }
 
-    /// An endpoint was told something, and took it or not.
-    pub fn told(&self, taken: bool) {
+    /// Counts an attempt to deliver a webhook event, by whether it was accepted.
+    pub fn webhook_attempted(&self, taken: bool) {
         let ending = if taken { "delivered" } else { "failed" };
         self.0.webhook_attempts.get_or_create(&Ended { ending }).inc();
     }
 
-    /// All numbers, as Prometheus reads them.
+    /// All metrics as text, in the format that Prometheus asked for.
     pub fn text(&self, exposition: Exposition, backlog: &Backlog, free_bytes: Option<u64>) -> String {
         self.0.look(backlog, free_bytes);
         let mut text = String::new();
@@ -234,24 +234,24 @@ impl Numbers {
         let registry = &mut self.registry;
         registry.register("build", "1, with the version as a label", build);
         registry.register("requests", "Requests answered, by route and status", self.requests.clone());
-        let help = "Seconds until an answer began, by route";
+        let help = "Seconds until the answer to a request began, by route";
         registry.register("request_seconds", help, self.request_seconds.clone());
         registry.register("connections", "Open connections", self.connections.clone());
-        registry.register("uploads", "Uploads being taken in", self.uploads.clone());
-        registry.register("upload_bytes", "Bytes of uploads that came", self.upload_bytes.clone());
+        registry.register("uploads", "Uploads that are running", self.uploads.clone());
+        registry.register("upload_bytes", "Bytes received by uploads", self.upload_bytes.clone());
         let help = "Uploaded files whose rays were all read, by when: while the file arrived, or after it was stored";
         registry.register("inspections", help, self.inspections.clone());
-        let help = "Attempts at jobs by this process that ended, by how; put back and lost ones are tried again";
+        let help = "Ended attempts of this process at jobs, by their ending; jobs of the endings put back and lost are tried again";
         registry.register("job_attempts", help, self.attempts.clone());
-        let help = "Seconds that attempts at jobs took, by how they ended";
+        let help = "Duration of attempts at jobs in seconds, by their ending";
         registry.register("job_attempt_seconds", help, self.attempt_seconds.clone());
-        let help = "Jobs this process took back from workers that fell silent";
+        let help = "Jobs that this process put back into the queue because their worker lost its lease";
         registry.register("leases_lost", help, self.leases_lost.clone());
-        let help = "1 while the job that is next does not fit beside those this process computes";
+        let help = "1 while the next job of the queue waits for memory of this process";
         registry.register("waits_for_memory", help, self.waits_for_memory.clone());
-        let help = "Memory that the jobs this process computes are expected to need";
+        let help = "Expected memory of the jobs that this process computes, bytes";
         registry.register("job_memory_bytes", help, self.job_memory.clone());
-        let help = "Attempts of this process to tell a webhook something, by how they ended";
+        let help = "Attempts of this process to deliver a webhook event, by their ending";
         registry.register("webhook_attempts", help, self.webhook_attempts.clone());
     }
 
@@ -260,20 +260,21 @@ impl Numbers {
         let registry = &mut self.registry;
         registry.register("jobs", "Unfinished jobs, by state", self.jobs.clone());
         registry.register("running_jobs", "Running jobs, by stage", self.running.clone());
-        let help = "Age of the oldest waiting job: grows when nothing moves";
+        let help = "Age of the oldest queued job in seconds; it grows when the queue is stuck";
         registry.register("oldest_queued_seconds", help, self.oldest_queued.clone());
-        let help = "Time since the running job that was begun first was begun";
+        let help = "Time in seconds that the oldest running job has run";
         registry.register("oldest_running_seconds", help, self.oldest_running.clone());
-        let help = "Running jobs whose worker has been silent for longer than its lease";
+        let help = "Running jobs whose worker has not renewed its lease in time";
         registry.register("overdue_jobs", help, self.overdue.clone());
-        registry.register("waiting_tenants", "Tenants with waiting jobs", self.tenants_waiting.clone());
-        let help = "Waiting jobs of the tenant that has most of them";
+        registry.register("waiting_tenants", "Tenants with queued jobs", self.tenants_waiting.clone());
+        let help = "Queued jobs of the tenant that has most of them";
         registry.register("longest_tenant_queue", help, self.longest_tenant_queue.clone());
-        let help = "Waiting jobs that need more memory than this process has: it never begins them";
+        let help = "Queued jobs that need more memory than this process has and that it therefore never starts";
         registry.register("jobs_too_large", help, self.too_large.clone());
-        let help = "Deliveries to webhooks that wait for their next attempt: grows when endpoints take nothing";
+        let help =
+            "Webhook deliveries that wait for their next attempt; the number grows when receivers accept nothing";
         registry.register("webhook_backlog", help, self.webhook_backlog.clone());
-        registry.register("free_bytes", "Room on the fullest local disk; -1 when unknown", self.free_bytes.clone());
+        registry.register("free_bytes", "Free bytes on the fullest local disk; -1 if unknown", self.free_bytes.clone());
     }
 
     fn look(&self, backlog: &Backlog, free_bytes: Option<u64>) {
@@ -315,7 +316,7 @@ fn plain(openmetrics: &str) -> String {
     plain
 }
 
-/// Something that is there until this is dropped.
+/// Counts something in a gauge until this value is dropped.
 pub struct AtHand(Gauge);
 
 impl AtHand {
@@ -342,7 +343,7 @@ mod tests {
         metrics.upload_bytes(7);
         metrics.attempted("succeeded", Duration::from_secs(2));
         metrics.leases_lost(1);
-        metrics.told(true);
+        metrics.webhook_attempted(true);
         metrics
     }
 
@@ -386,25 +387,25 @@ mod tests {
     }
 }
 
-/// What waits and what runs, in all processes together.
+/// Queued and running jobs and waiting deliveries of all processes together.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Backlog {
-    /// Waiting jobs.
+    /// Number of queued jobs.
     pub queued: u64,
     /// Running jobs by the stage they are in, "none" before the first.
     pub running: BTreeMap<String, u64>,
-    /// How long the oldest waiting job has waited.
+    /// How long the oldest queued job has waited.
     pub oldest_queued: Duration,
-    /// How long ago the running job that was begun first was begun.
+    /// How long the oldest running job has run.
     pub oldest_running: Duration,
-    /// Running jobs whose lease has ended.
+    /// Number of running jobs whose lease has ended.
     pub overdue: u64,
-    /// Tenants with waiting jobs.
+    /// Number of tenants with queued jobs.
     pub tenants_waiting: u64,
-    /// Waiting jobs that need more memory than this process has; not counted by [`backlog`].
+    /// Number of queued jobs that need more memory than this process has; [`backlog`] does not count them.
     pub too_large: u64,
-    /// Waiting jobs of the tenant that has most.
+    /// Number of queued jobs of the tenant that has most of them.
     pub longest_tenant_queue: u64,
-    /// Deliveries to webhooks that wait.
+    /// Number of webhook deliveries that wait.
     pub deliveries: u64,
 }

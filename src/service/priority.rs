@@ -58,14 +58,14 @@ fn lower_to(nice: i32) {
 /// # Errors
 /// [`Lost`].
 pub async fn compute<T: Send + 'static>(name: &str, work: impl FnOnce() -> T + Send + 'static) -> Result<T, Lost> {
-    let (tell, told) = oneshot::channel();
+    let (sender, receiver) = oneshot::channel();
     let run = move || {
         lower();
         // Nobody may be there to hear it.
-        let _ = tell.send(catch_unwind(AssertUnwindSafe(work)));
+        let _ = sender.send(catch_unwind(AssertUnwindSafe(work)));
     };
     thread::Builder::new().name(name.to_owned()).spawn(run).map_err(Lost::NoThread)?;
-    match told.await {
+    match receiver.await {
         Ok(Ok(result)) => Ok(result),
         Ok(Err(payload)) => Err(Lost::Panicked(message(payload.as_ref()))),
         Err(oneshot::Canceled) => Err(Lost::Panicked("no message".to_owned())),
@@ -112,9 +112,9 @@ mod tests {
     async fn a_panic_is_told_and_work_goes_on_without_a_listener() {
         let lost = compute::<()>("panics", || panic!("a fault of ours")).await.unwrap_err();
         assert!(matches!(&lost, Lost::Panicked(text) if text == "a fault of ours"), "{lost}");
-        let (tell, told) = std::sync::mpsc::channel();
-        drop(tokio::spawn(compute("goes on", move || tell.send(()))));
-        tokio::task::spawn_blocking(move || told.recv_timeout(std::time::Duration::from_secs(20)))
+        let (sender, receiver) = std::sync::mpsc::channel();
+        drop(tokio::spawn(compute("goes on", move || sender.send(()))));
+        tokio::task::spawn_blocking(move || receiver.recv_timeout(std::time::Duration::from_secs(20)))
             .await
             .unwrap()
             .unwrap();

@@ -82,7 +82,7 @@ pub async fn insert(
     let insert = insert.bind(new.format.as_str()).bind(new.point_count.cast_signed()).bind(new.range_nm.0);
     let insert = insert.bind(new.range_nm.1).bind(new.lm_per_w).bind(new.nm_value.as_str());
     let rows = transaction.read(insert.bind(new.notices.as_str()).bind(tenant)).await?;
-    if let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await? {
+    if let Err(exceeded) = quota.check_bytes(&mut transaction, tenant).await? {
         transaction.rollback().await?;
         return Ok(Err(exceeded));
     }

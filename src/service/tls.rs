@@ -17,9 +17,9 @@ pub fn words(error: &(dyn Error + 'static)) -> Option<&'static str> {
     Some(match error.downcast_ref::<rustls::Error>()? {
         rustls::Error::InvalidCertificate(Expired | ExpiredContext { .. }) => "its certificate has expired",
         rustls::Error::InvalidCertificate(NotValidForName | NotValidForNameContext { .. }) => {
-            "its certificate is not for this name"
+            "its certificate is for another host name"
         }
-        rustls::Error::InvalidCertificate(UnknownIssuer) => "its certificate comes from nobody who is trusted here",
+        rustls::Error::InvalidCertificate(UnknownIssuer) => "its certificate is not from a trusted authority",
         rustls::Error::InvalidCertificate(_) => "its certificate is not valid",
         _ => "no TLS connection could be made",
     })

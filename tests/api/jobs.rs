@@ -2,7 +2,7 @@ use axum::http::StatusCode;
 use serde_json::json;
 use service::Config;
 use service::failure::Failure;
-use service::jobs::estimate::Prospect;
+use service::jobs::estimate::JobPlan;
 use service::jobs::memory_budget::Memory;
 use service::jobs::queue::{Claim, Queue};
 use service::jobs::request::NewJob;
@@ -160,7 +160,7 @@ async fn pages_hold_every_entry_once_newest_first() {
 
 /// Queues a job of which nothing is known before.
 async fn enqueue(queue: &Queue, ray_set: &str) -> Result<String, queue::Error> {
-    let queued = queue.enqueue("default", &NewJob::of(ray_set), &Prospect::default(), None).await;
+    let queued = queue.enqueue("default", &NewJob::of(ray_set), &JobPlan::default(), None).await;
     queued.map(|queued| queued.id)
 }
 
@@ -218,7 +218,9 @@ async fn only_the_transitions_of_the_table_happen() {
     let (ours, theirs) = (Queue::new(storage.clone(), lease, 3), Queue::new(storage.clone(), lease, 3));
     let mut seen = Vec::new();
     for from in State::ALL {
-        for change in ["claim", "cancel", "beat", "finish", "fail", "stop", "release", "retry", "give_up", "sweep"] {
+        for change in
+            ["claim", "cancel", "renew_lease", "finish", "fail", "stop", "release", "retry", "give_up", "sweep"]
+        {
             for (cancel, attempt, expired) in [(0, 1, 0), (1, 1, 0), (0, 3, 1), (1, 1, 1), (0, 1, 1)] {
                 storage.records.write(sql("DELETE FROM jobs")).await.unwrap();
                 let id = enqueue(&ours, "r").await.unwrap();
@@ -235,7 +237,7 @@ async fn only_the_transitions_of_the_table_happen() {
                     "claim" if expired == 0 => theirs.claim().await.map(|_| ()).unwrap(),
                     "claim" => continue,
                     "cancel" => ours.cancel("default", &id).await.unwrap_or_default(),
-                    "beat" => ours.beat(&claim, Some("hull"), 0.5).await.map(|_| ()).unwrap(),
+                    "renew_lease" => ours.renew_lease(&claim, Some("hull"), 0.5).await.map(|_| ()).unwrap(),
                     "finish" => ours.finish(&claim, &[], &[]).await.map(|_| ()).unwrap(),
                     "fail" => ours.fail(&claim, &Failure::panicked()).await.map(|_| ()).unwrap(),
                     "stop" => ours.stop(&claim).await.map(|_| ()).unwrap(),

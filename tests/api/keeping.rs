@@ -329,7 +329,7 @@ async fn a_number_that_cannot_be_written_fails_its_job_once() {
     let failed = site.until_state(&job, "failed").await;
     assert_eq!((&failed["problem"]["code"], &failed["attempt"]), (&json!("run.internal"), &json!(1)));
     assert!(!failed.to_string().contains("array of the model"), "{failed}");
-    assert!(failed["problem"]["remedy"].as_str().unwrap().contains("Report it"), "{failed}");
+    assert!(failed["problem"]["remedy"].as_str().unwrap().contains("Report this"), "{failed}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -236,7 +236,7 @@ async fn a_job_that_can_never_fit_is_refused_with_figures() {
     let refused = site.post("/v1/jobs", &new).await;
     refused.is_problem(422, "job.too_large");
     let problem = refused.json();
-    assert!(problem["detail"].as_str().unwrap().contains(" may need 5 MiB together"), "{problem}");
+    assert!(problem["detail"].as_str().unwrap().contains(" together may use 5 MiB"), "{problem}");
     assert!(problem["remedy"].as_str().unwrap().contains("hull.resolution"), "{problem}");
     assert!(site.rows(sql("SELECT id FROM jobs")).await.is_empty());
     let estimate = site.post("/v1/jobs?dry_run=true", &new).await.json();

@@ -55,9 +55,9 @@ mod polling;
 mod lines;
 /// Keys, reuse, estimates, filters.
 mod submission;
-/// Who is told that jobs have ended.
+/// Webhooks: events about ended jobs.
 mod webhooks;
-/// Clients' own keys and values.
+/// Metadata: the client's own keys and values.
 mod metadata;
 /// What was noticed before a job began.
 mod told;

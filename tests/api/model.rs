@@ -5,8 +5,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use service::failure::Failure;
 use service::jobs::error::Error;
-use service::jobs::estimate::Prospect;
-use service::jobs::queue::{Beat, Claim, Queue};
+use service::jobs::estimate::JobPlan;
+use service::jobs::queue::{Claim, Lease, Queue};
 use service::jobs::request::NewJob;
 use service::jobs::{Priority, State};
 use service::storage::Storage;
@@ -95,7 +95,7 @@ impl Both {
     async fn enqueue(&mut self) {
         let priority = Priority::ALL[self.any(3)];
         let new = NewJob { priority, ..NewJob::of("r") };
-        let id = self.processes[0].enqueue("default", &new, &Prospect::default(), None).await.unwrap().id;
+        let id = self.processes[0].enqueue("default", &new, &JobPlan::default(), None).await.unwrap().id;
         let (state, attempt, fence, cancel_requested) = (State::Queued, 0, 0, false);
         let job = Job { state, attempt, fence, cancel_requested, priority, place: None, lapsed: false };
         self.model.jobs.insert(id, job);
@@ -130,13 +130,13 @@ impl Both {
         let may_retry = held.as_ref().is_some_and(|job| job.attempt < MAX_ATTEMPTS || job.cancel_requested);
         let (done, expected) = match word {
             0 => {
-                let beat = queue.beat(&claim, Some("hull"), 0.5).await.unwrap();
+                let renewed = queue.renew_lease(&claim, Some("hull"), 0.5).await.unwrap();
                 let expected = match &held {
-                    None => Beat::Lost,
-                    Some(_) if cancel_requested => Beat::Cancel,
-                    Some(_) => Beat::Go,
+                    None => Lease::Lost,
+                    Some(_) if cancel_requested => Lease::CancelRequested,
+                    Some(_) => Lease::Held,
                 };
-                assert_eq!(beat, expected);
+                assert_eq!(renewed, expected);
                 held.into_iter().for_each(|job| job.lapsed = false);
                 return;
             }

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use service::Config;
 use service::accounts::access::Scope;
 use service::config::Retention;
-use service::jobs::estimate::Prospect;
+use service::jobs::estimate::JobPlan;
 use service::jobs::queue::Queue;
 use service::jobs::request::NewJob;
 use service::jobs::submit::Keyed;
@@ -111,10 +111,10 @@ async fn equal_requests_that_race_on_two_nodes_make_one_job() {
     for round in 0..5 {
         // Once held together by a key, once by what would come of them.
         let (new, content) = (NewJob { reuse: round % 2 == 0, ..NewJob::of("r") }, format!("content {round}"));
-        let prospect = Prospect { content_sha256: Some(content), ..Prospect::default() };
+        let plan = JobPlan { content_sha256: Some(content), ..JobPlan::default() };
         let keyed = Keyed::new(format!("key {round}"), &new).unwrap();
         let keyed = Some(&keyed).filter(|_| !new.reuse);
-        let racing = (0..8).map(|k| nodes[k % 2].enqueue("default", &new, &prospect, keyed));
+        let racing = (0..8).map(|k| nodes[k % 2].enqueue("default", &new, &plan, keyed));
         let answers = futures::future::join_all(racing).await;
         let answers: Vec<_> = answers.into_iter().map(Result::unwrap).collect();
         assert!(answers.iter().all(|answer| answer.id == answers[0].id), "{answers:?}");
@@ -426,7 +426,7 @@ async fn old_keys_are_forgotten_a_thousand_at_a_time() {
     storage.records.write(sql(insert)).await.unwrap();
     let queue = Queue::new(storage.clone(), Duration::from_secs(60), 3);
     for forgotten in [1000, 1000, 500, 0] {
-        assert_eq!(queue.forget_keys().await.unwrap(), forgotten);
+        assert_eq!(queue.delete_old_keys().await.unwrap(), forgotten);
     }
     assert_eq!(storage.records.read(sql("SELECT key FROM idempotency_keys")).await.unwrap().len(), 3);
 }

@@ -220,7 +220,7 @@ async fn a_backup_taken_while_it_works_has_everything() {
     let mut site = Site::start_as(|config| Config { auth: true, ..config }, held(&gate)).await;
     let to = site.folder.path().join("backup");
     if !site.config.is_alone() {
-        assert!(matches!(backup(&site.config, &to).await, Err(backup::Error::Elsewhere)));
+        assert!(matches!(backup(&site.config, &to).await, Err(backup::Error::NotLocal)));
         return;
     }
     site.key = Some(site.key_of("lab", &Scope::OF_A_TENANT).await);

@@ -270,7 +270,7 @@ async fn nobody_is_told_where_the_service_may_not_ask() {
     let job = site.job(&site.ray_set().await).await;
     site.until_state(&job, "succeeded").await;
     let list = ended(&site, &named, 1).await;
-    assert!(list[0]["error"].as_str().unwrap().contains("does not lead to an address of the internet"), "{list:?}");
+    assert!(list[0]["error"].as_str().unwrap().contains("has no public internet address"), "{list:?}");
     let list = ended(&site, &hook, 1).await;
     assert_eq!((&list[0]["state"], &list[0]["status"]), (&json!("failed"), &json!(307)));
     assert!(elsewhere.heard().is_empty());

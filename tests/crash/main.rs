@@ -222,7 +222,7 @@ fn two_nodes_share_a_hundred_jobs() {
         let done = ended(&api.address, job);
         assert_eq!((&done["state"], &done["attempt"]), (&"succeeded".into(), &1.into()), "{done}");
     }
-    let shares = workers.each_ref().map(|worker| worker.log().matches("job begun").count());
+    let shares = workers.each_ref().map(|worker| worker.log().matches("job started").count());
     println!("100 jobs in {:?}, shared as {shares:?}", start.elapsed());
     assert_eq!(shares.iter().sum::<usize>(), 100, "a job was begun twice");
     assert!(shares.iter().all(|share| *share >= 20), "{shares:?}");

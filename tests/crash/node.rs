@@ -2,7 +2,7 @@
 
 use crate::disk::Disk;
 use service::storage::Storage;
-use service::webhooks::endpoints::Told;
+use service::webhooks::endpoints::EndpointSettings;
 use service::webhooks::{Event, endpoints};
 use service::{Config, crash};
 use std::fs::File;
@@ -75,8 +75,9 @@ impl World {
     pub fn receiver(&self) -> Receiver {
         std::fs::create_dir_all(self.data()).unwrap();
         let (storage, receiver) = (self.storage(), self.runtime.block_on(Receiver::start()));
-        let told = Told { url: receiver.url.clone(), events: Event::ALL.to_vec(), description: String::new() };
-        self.runtime.block_on(endpoints::create(&storage.records, "default", told)).unwrap();
+        let settings =
+            EndpointSettings { url: receiver.url.clone(), events: Event::ALL.to_vec(), description: String::new() };
+        self.runtime.block_on(endpoints::create(&storage.records, "default", settings)).unwrap();
         self.runtime.block_on(storage.records.close());
         receiver
     }

@@ -11,54 +11,55 @@ use service::{Config, connections};
 use std::net::IpAddr;
 use std::time::Duration;
 
-/// Arguments that bound what clients may ask of the service.
+/// Arguments that limit clients of the service.
 #[derive(Args)]
-#[command(next_help_heading = "What clients may ask of it")]
+#[command(next_help_heading = "Limits for clients")]
 pub struct Bounds {
-    /// Web pages of this origin may use the service, as https://portal.example; may be given more than once.
-    #[arg(long = "cors-origin", env = "LAMPWRIGHT_CORS_ORIGINS", value_name = "ORIGIN", value_delimiter = ',', value_parser = origin)]
+    /// Allow web pages of this origin to use the service, as https://portal.example; may be given more than once.
+    #[arg(long = "cors-origin", env = "LAMPWRIGHT_CORS_ORIGINS", value_name = "ORIGIN", value_delimiter = ',', value_parser = cors_origin)]
     cors_origins: Vec<String>,
-    /// Connections at once; for one more, one that rests is closed [default: 512].
+    /// Largest number of connections; a further one replaces an idle connection [default: 512].
     #[arg(long, env = "LAMPWRIGHT_MAX_CONNECTIONS", value_name = "N", value_parser = measure::at_least_one::<usize>)]
     max_connections: Option<usize>,
-    /// Connections at once of one address, and requests at once that trusted proxies bring for one; this machine and trusted proxies
-    /// themselves may have as many as there are [default: half of --max-connections].
+    /// Largest number of connections from one address, and of simultaneous requests that trusted proxies forward for one address;
+    /// this machine and the trusted proxies themselves are not limited [default: half of --max-connections].
     #[arg(long, env = "LAMPWRIGHT_MAX_CONNECTIONS_PER_ADDRESS", value_name = "N", value_parser = measure::at_least_one::<usize>)]
     max_connections_per_address: Option<usize>,
-    /// A proxy before the service, or the network of several, as 10.1.2.3 or 10.1.0.0/16: what it says in Forwarded,
-    /// X-Forwarded-For and X-Forwarded-Prefix is believed; may be given more than once.
+    /// Address of a proxy in front of the service, or network of several, as 10.1.2.3 or 10.1.0.0/16: the service trusts its
+    /// headers Forwarded, X-Forwarded-For and X-Forwarded-Prefix; may be given more than once.
     #[arg(long = "trusted-proxy", env = "LAMPWRIGHT_TRUSTED_PROXIES", value_name = "NETWORK", value_delimiter = ',', value_parser = network)]
     trusted_proxies: Vec<IpNet>,
-    /// Where clients reach the service, as https://lab.example/lampwright: the links in its answers begin with this path.
+    /// Public URL of the service, as https://lab.example/lampwright: links in its answers begin with this path.
     #[arg(long, env = "LAMPWRIGHT_PUBLIC_URL", value_name = "URL", value_parser = public_path)]
     public_url: Option<Prefix>,
-    /// Requests a second that a key may make on and on [default: 50].
+    /// Sustained rate of one API key, requests per second [default: 50].
     #[arg(long, env = "LAMPWRIGHT_RATE", value_name = "N", value_parser = measure::at_least_one::<u32>)]
     rate: Option<u32>,
-    /// Requests that a key may make at once after a rest [default: 200].
+    /// Largest burst of requests of one API key after a pause [default: 200].
     #[arg(long, env = "LAMPWRIGHT_BURST", value_name = "N", value_parser = measure::at_least_one::<u32>)]
     burst: Option<u32>,
-    /// What must come of an upload in each minute, as 60KiB; 0 is no bound, so that a silent client keeps its place
-    /// [default: 60KiB].
+    /// Least data that an upload must send in each minute, as 60KiB; with 0 there is no limit, and a stalled client is never
+    /// disconnected [default: 60KiB].
     #[arg(long, env = "LAMPWRIGHT_SLOWEST_UPLOAD", value_name = "SIZE", value_parser = measure::bytes)]
     slowest_upload: Option<u64>,
-    /// Time for which an upload that can be resumed is kept when nothing more comes, and what became of one that has ended, as
-    /// 36h or in days [default: 7d].
+    /// Time after which an unfinished resumable upload expires when no more bytes arrive, and the result of an ended one, as 36h
+    /// or in days [default: 7d].
     #[arg(long, env = "LAMPWRIGHT_UPLOAD_EXPIRY", value_name = "TIME", value_parser = measure::some_days)]
     upload_expiry: Option<Duration>,
-    /// Most that a tenant may keep, as 10GiB [default: no limit]; `lampwright tenants set` says otherwise for one.
+    /// Largest storage of one tenant, as 10GiB [default: no limit]; `lampwright tenants set` overrides it for one tenant.
     #[arg(long, env = "LAMPWRIGHT_QUOTA_BYTES", value_name = "SIZE", value_parser = measure::some_bytes)]
     quota_bytes: Option<u64>,
-    /// Most jobs of a tenant that may wait [default: 10000].
+    /// Largest number of queued jobs of one tenant [default: 10000].
     #[arg(long, env = "LAMPWRIGHT_QUOTA_QUEUED", value_name = "N", value_parser = measure::at_least_one::<u64>)]
     quota_queued: Option<u64>,
-    /// Most jobs of a tenant that are computed at once [default: no limit].
+    /// Largest number of jobs of one tenant that are computed at the same time [default: no limit].
     #[arg(long, env = "LAMPWRIGHT_QUOTA_RUNNING", value_name = "N", value_parser = measure::at_least_one::<u64>)]
     quota_running: Option<u64>,
-    /// What is kept free on local disks, as 2GiB: with less, nothing new is taken and /readyz is 503; 0 is nothing [default: 512MiB].
+    /// Space to keep free on local disks, as 2GiB: below it, new files and jobs are refused and /readyz is 503; 0 turns this off
+    /// [default: 512MiB].
     #[arg(long, env = "LAMPWRIGHT_KEEP_FREE", value_name = "SIZE", value_parser = measure::bytes)]
     keep_free: Option<u64>,
-    /// Time after which an ended job and its artifacts are deleted, as 36h or in days [default: never].
+    /// Time after its end after which a job and its artifacts are deleted, as 36h or in days [default: never].
     #[arg(long, env = "LAMPWRIGHT_KEEP_JOBS", value_name = "TIME", value_parser = measure::some_days)]
     keep_jobs: Option<Duration>,
     /// Time after its last use after which a ray set is deleted, as 36h or in days [default: never].
@@ -73,7 +74,7 @@ impl Bounds {
         connections::Bounds { connections, per_address, ..bounds }
     }
 
-    /// `config` with what was said.
+    /// `config` with the values of these arguments.
     pub fn over(&self, config: Config) -> Config {
         let Config { quota, bounds, slowest, retention, .. } = config;
         Config {
@@ -117,7 +118,7 @@ fn public_path(text: &str) -> Result<Prefix, String> {
 }
 
 /// `https://portal.example`, as a browser sends it: no path, no slash at the end.
-fn origin(text: &str) -> Result<String, String> {
+fn cors_origin(text: &str) -> Result<String, String> {
     let place = text.strip_prefix("https://").or_else(|| text.strip_prefix("http://"));
     let plain =
         |place: &str| !place.is_empty() && place.bytes().all(|b| b.is_ascii_graphic() && b != b'/' && b != b'*');
@@ -129,13 +130,13 @@ fn origin(text: &str) -> Result<String, String> {
 
 #[cfg(test)]
 mod tests {
-    use super::{network, origin, public_path};
+    use super::{cors_origin, network, public_path};
 
     #[test]
     fn an_origin_is_what_a_browser_sends() {
-        assert_eq!(origin("https://Portal.example:8443").as_deref(), Ok("https://portal.example:8443"));
+        assert_eq!(cors_origin("https://Portal.example:8443").as_deref(), Ok("https://portal.example:8443"));
         for wrong in ["*", "portal.example", "https://", "https://portal.example/", "https://*.example", "null"] {
-            assert!(origin(wrong).is_err(), "{wrong}");
+            assert!(cors_origin(wrong).is_err(), "{wrong}");
         }
     }
 

@@ -1,9 +1,9 @@
 //! `serve`: the service. On an empty data folder it first takes in a known source through the same queue as any upload, so that
 //! there is something to look at within seconds.
 
-/// What clients may ask of a service.
+/// Arguments that limit clients.
 mod limits;
-/// What a service may ask elsewhere.
+/// Arguments about outbound requests.
 mod outbound;
 
 use super::terminal::failure::Failure;
@@ -13,7 +13,7 @@ use axum::body::{Body, to_bytes};
 use axum::http::Request;
 use clap::{Args, ValueEnum};
 use limits::Bounds;
-use outbound::Elsewhere;
+use outbound::OutboundArguments;
 use pipeline::{Limits, known_sources};
 use service::telemetry::LogFormat;
 use service::upkeep::lock::LockError;
@@ -36,74 +36,74 @@ const LAST_WAIT: Duration = Duration::from_secs(1);
 /// Arguments of `serve`.
 #[derive(Args)]
 pub struct Arguments {
-    /// Address and port; port 0 takes any.
+    /// Address and port to listen on; port 0 chooses a free port.
     #[arg(long, env = "LAMPWRIGHT_LISTEN", default_value = "127.0.0.1:8080", value_name = "ADDRESS")]
     listen: SocketAddr,
-    /// Folder for everything that outlives the process; made if missing.
+    /// Folder for the database and the files of the service; created if missing.
     #[arg(long, env = "LAMPWRIGHT_DATA", default_value = "data", value_name = "DIR")]
     data: PathBuf,
     /// The database: sqlite:FILE or postgres://USER:PASSWORD@HOST/NAME [default: sqlite:DIR/service.db].
     #[arg(long, env = "DATABASE_URL", value_name = "URL", hide_env_values = true)]
     database_url: Option<String>,
-    /// The object store: file:DIR or s3://BUCKET/PREFIX, with AWS_* as usual [default: file:DIR/blobs].
+    /// The object store: file:DIR or s3://BUCKET/PREFIX, with credentials from the AWS_* variables [default: file:DIR/blobs].
     #[arg(long, env = "STORAGE_URL", value_name = "URL")]
     storage_url: Option<String>,
-    /// What this process does.
+    /// Role of this process.
     #[arg(long, env = "ROLE", value_enum, default_value_t)]
     role: Part,
-    /// Jobs computed at once [default: 2].
+    /// Number of jobs computed at the same time [default: 2].
     #[arg(long, env = "LAMPWRIGHT_JOBS", value_name = "N", value_parser = measure::at_least_one::<usize>)]
     jobs: Option<usize>,
-    /// Threads each job computes on [default: as many as the machine has].
+    /// Number of threads for each job [default: as many as the machine has].
     #[arg(long, env = "LAMPWRIGHT_THREADS", value_name = "N", value_parser = measure::at_least_one::<usize>)]
     threads: Option<usize>,
-    /// Memory that all jobs computed at once are expected to need at most; one that needs more is refused, one that does not
-    /// fit now waits; as 4GiB [default: three quarters of what the machine or its control group has].
+    /// Memory for all running jobs together, as 4GiB; a job that needs more is refused, a job that does not fit now waits
+    /// [default: three quarters of the memory of the machine or its control group].
     #[arg(long, env = "LAMPWRIGHT_MEMORY", value_name = "SIZE", value_parser = measure::some_bytes)]
     memory: Option<u64>,
-    /// Time that an attempt at a job may take before it is stopped and the job fails, as 90m or in seconds [default: 6h].
+    /// Time limit for each attempt at a job, after which the job fails, as 90m or in seconds [default: 6h].
     #[arg(long, env = "LAMPWRIGHT_JOB_TIMEOUT", value_name = "TIME", value_parser = measure::some_seconds)]
     job_timeout: Option<Duration>,
-    /// Largest file taken, and most bytes that a packed one may unpack to [default: 64GiB].
+    /// Largest file that is accepted, and largest unpacked size of an archive [default: 64GiB].
     #[arg(long, env = "LAMPWRIGHT_MAX_UPLOAD", value_name = "SIZE", value_parser = measure::some_bytes)]
     max_upload: Option<u64>,
-    /// Ask for keys. Where others can reach the service it always does, and refuses to start without any: make the first with
-    /// `lampwright keys create`, or say `on` and make it later.
+    /// When API keys are required. A service that other machines can reach always requires keys, and does not start without any:
+    /// make the first with `lampwright keys create`, or use `on` and make it later.
     #[arg(long, env = "LAMPWRIGHT_AUTH", value_enum, default_value_t)]
     auth: Auth,
-    /// Time that the service takes to stop at most, as 8s or in seconds; running jobs and open requests get most of it; 0 is none
-    /// [default: 8s].
+    /// Longest time that the service takes to stop, as 8s or in seconds; running jobs and open requests get most of it; 0 stops
+    /// at once [default: 8s].
     #[arg(long, env = "LAMPWRIGHT_GRACE", value_name = "TIME", value_parser = measure::seconds)]
     grace: Option<Duration>,
-    /// How often a job may be begun before it counts as what kills its worker [default: 3].
+    /// Number of attempts at a job whose worker is lost, before the job fails [default: 3].
     #[arg(long, env = "LAMPWRIGHT_ATTEMPTS", value_name = "N", value_parser = measure::at_least_one::<u32>)]
     attempts: Option<u32>,
-    /// Time that a worker may be silent before its job is given to another, as 30s or in seconds [default: 30s].
+    /// Time without a sign of life from a worker after which another worker takes its job, as 30s or in seconds [default: 30s].
     #[arg(long, env = "LAMPWRIGHT_LEASE", value_name = "TIME", value_parser = measure::some_seconds)]
     lease: Option<Duration>,
-    /// Time for which nothing was written where a blob is that no row names, before it is deleted, as 24h or in seconds
-    /// [default: 24h]. Far above the longest upload, inspection and unpacking: to this clock they are silent.
+    /// Age after which a blob that the database does not name is deleted, as 24h or in seconds [default: 24h]. Must be far above
+    /// the longest time that an upload, an inspection or an unpacking takes.
     #[arg(long, env = "LAMPWRIGHT_GARBAGE_AGE", value_name = "TIME", value_parser = measure::some_seconds)]
     garbage_age: Option<Duration>,
-    /// Do not begin an empty data folder with a known source.
+    /// Do not compute the built-in sample in an empty data folder.
     #[arg(long, env = "LAMPWRIGHT_NO_SAMPLE", value_parser = clap::builder::BoolishValueParser::new())]
     no_sample: bool,
-    /// What is logged on standard error: error, warn, info, debug, or a filter as lampwright=debug,info.
+    /// Log level on standard error: error, warn, info, debug, or a filter such as lampwright=debug,info.
     #[arg(long, env = "LAMPWRIGHT_LOG", default_value = "info", value_name = "FILTER")]
     log: String,
-    /// How log lines look.
+    /// Format of the log lines.
     #[arg(long, env = "LAMPWRIGHT_LOG_FORMAT", value_enum, default_value_t)]
     log_format: LogLines,
     // Last: their headings hold for whatever comes after them.
     #[command(flatten)]
     bounds: Bounds,
     #[command(flatten)]
-    elsewhere: Elsewhere,
+    outbound: OutboundArguments,
 }
 
 #[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 enum Auth {
-    /// Where others than this machine can reach the service.
+    /// Only if other machines can reach the service.
     #[default]
     Auto,
     /// Always.
@@ -112,9 +112,9 @@ enum Auth {
 
 #[derive(Clone, Copy, Default, ValueEnum)]
 enum Part {
-    /// Answer clients; compute nothing.
+    /// Answer requests of clients; compute no jobs.
     Api,
-    /// Compute; answer only whether it is well.
+    /// Compute jobs; answer only health checks and metrics.
     Worker,
     /// Both.
     #[default]
@@ -123,10 +123,10 @@ enum Part {
 
 #[derive(Clone, Copy, Default, ValueEnum)]
 enum LogLines {
-    /// For a person.
+    /// Text for people.
     #[default]
     Text,
-    /// For a collector.
+    /// JSON for log collectors.
     Json,
 }
 
@@ -154,25 +154,25 @@ impl Arguments {
             limits: Limits { max_expanded_bytes: max_upload_bytes, ..defaults.limits },
             grace: self.grace.unwrap_or(defaults.grace),
             auth: self.auth == Auth::On,
-            ..self.elsewhere.over(self.bounds.over(defaults))
+            ..self.outbound.over(self.bounds.over(defaults))
         }
     }
 }
 
-/// Serves until SIGINT or SIGTERM. `unread` is told in the log: see [`super::environment::unread`].
+/// Serves until SIGINT or SIGTERM. `unknown_variables` are logged: see [`super::environment::unread`].
 ///
 /// # Errors
-/// A data folder, an address or a store that cannot be had.
-pub fn run(arguments: &Arguments, unread: &[String]) -> Result<(), Failure> {
+/// The data folder, the address or a store cannot be used.
+pub fn run(arguments: &Arguments, unknown_variables: &[String]) -> Result<(), Failure> {
     let format = match arguments.log_format {
         LogLines::Text => LogFormat::Text,
         LogLines::Json => LogFormat::Json,
     };
     let _telemetry = telemetry::init(format, &arguments.log);
-    unread.iter().for_each(|told| tracing::warn!("{told}"));
+    unknown_variables.iter().for_each(|warning| tracing::warn!("{warning}"));
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build();
     let runtime = runtime.map_err(|error| {
-        Failure::failed("serve.runtime", error.to_string(), "Allow this process more threads and files.")
+        Failure::failed("serve.runtime", error.to_string(), "Allow this process more threads and open files.")
     })?;
     priority::lower_shared_pool();
     let told = Arc::new(OnceLock::new());
@@ -202,18 +202,19 @@ async fn serve(arguments: &Arguments, told: Arc<OnceLock<Instant>>) -> Result<()
         say(&format!("  built-in sample {site}/v1/jobs/{}  ({SAMPLE}, {SAMPLE_RAYS} rays)", sample.job));
         tokio::spawn(tell_when_done(service.router(), site, sample));
     }
-    let listener = |error: std::io::Error| Failure::failed("serve.listener", error.to_string(), "Start it again.");
+    let listener =
+        |error: std::io::Error| Failure::failed("serve.listener", error.to_string(), "Start the service again.");
     service.run_until(stop).await.map_err(listener)
 }
 
-/// Greets whoever has started it; a service goes on when nobody reads that.
+/// Prints a line for the person who started the service, which goes on if the line cannot be written.
 fn say(line: &str) {
     let _ = output::print(format_args!("{line}\n"));
 }
 
 /// Gives an empty service its first job.
 async fn begin(service: &Service, unwanted: bool) -> Result<Option<Submitted>, Failure> {
-    let failed = |error: String| Failure::failed("serve.sample", error, "Start it with --no-sample.");
+    let failed = |error: String| Failure::failed("serve.sample", error, "Start the service with --no-sample.");
     if unwanted || !service.is_empty().await.map_err(|error| failed(error.to_string()))? {
         return Ok(None);
     }
@@ -236,11 +237,14 @@ async fn tell_when_done(router: Router, site: String, sample: Submitted) {
         match job.get("state").and_then(serde_json::Value::as_str) {
             Some("queued" | "running") => {}
             Some("succeeded") => {
-                say(&format!("The sample's model is finished: curl -O {site}{address}/model.zip"));
+                say(&format!("The model of the built-in sample is ready: curl -O {site}{address}/model.zip"));
                 return;
             }
             other => {
-                say(&format!("The sample gave no model ({}): see {site}{address}", other.unwrap_or("deleted")));
+                say(&format!(
+                    "The job of the built-in sample did not succeed ({}): see {site}{address}",
+                    other.unwrap_or("deleted")
+                ));
                 return;
             }
         }
@@ -249,7 +253,9 @@ async fn tell_when_done(router: Router, site: String, sample: Submitted) {
 
 /// Resolves at SIGINT or SIGTERM, and notes when it was `told`. Listens from the call on, so that no signal is missed while starting.
 fn stopping(told: Arc<OnceLock<Instant>>) -> Result<impl Future<Output = ()>, Failure> {
-    let failed = |error: std::io::Error| Failure::failed("serve.signals", error.to_string(), "Allow signal handlers.");
+    let failed = |error: std::io::Error| {
+        Failure::failed("serve.signals", error.to_string(), "Allow this process to install signal handlers.")
+    };
     let mut interrupt = signal(SignalKind::interrupt()).map_err(failed)?;
     let mut terminate = signal(SignalKind::terminate()).map_err(failed)?;
     Ok(async move {
@@ -280,19 +286,20 @@ impl From<StartError> for Failure {
             StartError::DataFolder(LockError::Locked(_)) => {
                 ("serve.locked", "Stop the other process, or name another folder with --data.")
             }
-            StartError::Listen { .. } => ("serve.listen", "Name another with --listen; port 0 takes any free one."),
+            StartError::Listen { .. } => {
+                ("serve.listen", "Name another address with --listen; port 0 chooses a free port.")
+            }
             StartError::NoKeys(_) => (
                 "serve.no_keys",
-                "Make one for this database: lampwright keys create --tenant NAME. Or start with --auth on and make it later, \
-                 or listen on 127.0.0.1.",
+                "Make a key for this database: lampwright keys create --tenant NAME. Or start with --auth on and make a key later, or listen on 127.0.0.1.",
             ),
             StartError::Storage(storage::Error::Unusable(error)) => (error.code(), error.remedy()),
             StartError::Storage(storage::Error::Unsupported(_, remedy)) => ("serve.storage", *remedy),
             StartError::Storage(_) => (
                 "serve.storage",
-                "See that the data folder is whole and has room, and that the engines named by DATABASE_URL and STORAGE_URL answer.",
+                "Check that the data folder is complete and has free space, and that the servers named by DATABASE_URL and STORAGE_URL answer.",
             ),
-            StartError::Threads(_) => ("serve.threads", "Give fewer with --threads or --jobs."),
+            StartError::Threads(_) => ("serve.threads", "Use fewer threads: --threads or --jobs."),
         };
         Failure::failed(code, error.to_string(), remedy)
     }

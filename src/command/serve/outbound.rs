@@ -1,15 +1,15 @@
-//! What a service may ask elsewhere. Arguments of `serve` that most never touch.
+//! Arguments of `serve` about outbound requests.
 
 use clap::{Args, ValueEnum};
 use service::Config;
 use service::outbound::Exception;
 
-/// Arguments that bound what the service asks elsewhere.
+/// Arguments about outbound requests.
 #[derive(Args)]
-#[command(next_help_heading = "What it may ask elsewhere, for webhooks and to fetch files")]
-pub struct Elsewhere {
-    /// A network, address or name that may be asked although it is not the internet's, also without TLS: 10.20.0.0/16, fd00::/8 or
-    /// receiver.lab; may be given more than once. Whoever has a key can then ask it.
+#[command(next_help_heading = "Outbound requests, for webhooks and to fetch files")]
+pub struct OutboundArguments {
+    /// Allow outbound requests to this network, address or host name although it is not on the public internet, also without TLS:
+    /// 10.20.0.0/16, fd00::/8 or receiver.lab; may be given more than once. Every client with a key can then reach it.
     #[arg(
         long = "outbound-allow",
         env = "LAMPWRIGHT_OUTBOUND_ALLOW",
@@ -17,18 +17,18 @@ pub struct Elsewhere {
         value_delimiter = ','
     )]
     outbound_allow: Vec<Exception>,
-    /// Fetch ray files from addresses that clients name.
+    /// When to fetch ray files from URLs that clients name.
     #[arg(long, env = "LAMPWRIGHT_INGEST", value_enum, default_value_t)]
     ingest: Ingest,
-    /// Fetch ray files from this bucket too, with AWS_* as usual; may be given more than once. Whoever has a key can then read
-    /// what is in it.
+    /// Allow fetching ray files from this bucket, with credentials from the AWS_* variables; may be given more than once. Every
+    /// client with a key can then read its objects.
     #[arg(long = "ingest-bucket", env = "LAMPWRIGHT_INGEST_BUCKETS", value_name = "s3://BUCKET/PREFIX", value_delimiter = ',', value_parser = bucket)]
     ingest_buckets: Vec<String>,
 }
 
 #[derive(Clone, Copy, Default, ValueEnum)]
 enum Ingest {
-    /// Where keys are asked for.
+    /// Only if API keys are required.
     #[default]
     Auto,
     /// Always.
@@ -37,8 +37,8 @@ enum Ingest {
     Off,
 }
 
-impl Elsewhere {
-    /// `config` with what was said.
+impl OutboundArguments {
+    /// `config` with the values of these arguments.
     pub fn over(&self, config: Config) -> Config {
         Config {
             outbound_exceptions: self.outbound_allow.clone(),

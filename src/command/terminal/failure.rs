@@ -6,36 +6,40 @@ use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::process::ExitCode;
 
-/// Why a verb did not do what it was asked to.
+/// Why a command failed, as it is printed on the terminal.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Failure {
     /// Stable code, `stage.what`.
     code: String,
-    /// What was found.
+    /// What is wrong in this case.
     found: String,
-    /// Where.
+    /// Where the problem is.
     place: Option<String>,
-    /// What to do.
+    /// What the client or the operator can do about it.
     remedy: Option<String>,
     /// 1: input refused or failed; 2: wrong usage.
     exit: u8,
 }
 
 impl Failure {
-    /// The verb was asked for something that makes no sense.
+    /// A failure of wrong usage: exit code 2.
     pub fn usage(code: &str, found: impl Into<String>, remedy: impl Into<String>) -> Failure {
         Failure { exit: 2, ..Failure::failed(code, found, remedy) }
     }
 
-    /// The verb could not do what it was asked to.
+    /// A failure of the command itself: exit code 1.
     pub fn failed(code: &str, found: impl Into<String>, remedy: impl Into<String>) -> Failure {
         Failure { code: code.to_owned(), found: found.into(), place: None, remedy: Some(remedy.into()), exit: 1 }
     }
 
-    /// The disk said no to `path`.
+    /// The failure of an operation on the file or folder `path`.
     pub fn disk(path: &Path, error: &std::io::Error) -> Failure {
-        Failure::failed("file.disk", error.to_string(), "Check that it exists and that its permissions allow this.")
-            .at(path.display().to_string())
+        Failure::failed(
+            "file.disk",
+            error.to_string(),
+            "Check that the file exists and that its permissions allow this.",
+        )
+        .at(path.display().to_string())
     }
 
     /// The service's folder cannot be written: mostly because it is another user's, as a folder of the host is that is mounted
@@ -44,10 +48,9 @@ impl Failure {
         let owner = |path: &Path| std::fs::metadata(path).ok().map(|found| found.uid());
         // The kernel shows a process to itself as what it is.
         let user = owner(Path::new("/proc/self")).map_or("its user".to_owned(), |uid| format!("user {uid}"));
-        let belongs = folder
-            .ancestors()
-            .find_map(owner)
-            .map_or(String::new(), |uid| format!(" It, or the folder that it would be made in, is user {uid}'s."));
+        let belongs = folder.ancestors().find_map(owner).map_or(String::new(), |uid| {
+            format!(" The folder, or the one that it would be made in, belongs to user {uid}.")
+        });
         let found = format!("The folder cannot be written: {error}. This process runs as {user}.{belongs}");
         let remedy = format!(
             "Give the folder to {user} (chown -R, on the host where it is mounted from there), or run this as the folder's owner \

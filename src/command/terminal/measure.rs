@@ -25,7 +25,7 @@ pub fn bytes(text: &str) -> Result<u64, String> {
 /// It is no size, or 0.
 pub fn some_bytes(text: &str) -> Result<u64, String> {
     match bytes(text)? {
-        0 => Err("0 would let nothing in; leave it out for the default".to_owned()),
+        0 => Err("0 would accept nothing; leave the option out for the default".to_owned()),
         size => Ok(size),
     }
 }
@@ -36,7 +36,7 @@ pub fn some_bytes(text: &str) -> Result<u64, String> {
 /// It is none.
 pub fn at_least_one<T: FromStr + PartialOrd + From<u8>>(text: &str) -> Result<T, String> {
     let number = text.trim().parse().ok().filter(|number| *number >= T::from(1));
-    number.ok_or_else(|| "write a whole number from 1".to_owned())
+    number.ok_or_else(|| "write a whole number of at least 1".to_owned())
 }
 
 /// A time: `90s`, `1h 30m`; a number alone means seconds.
@@ -81,11 +81,11 @@ fn time(text: &str, unit: Duration) -> Result<Duration, String> {
             Some(parsed.map_err(|_| "write a time as 30s, 15m, 2h, 7d or 1h 30m".to_owned())?)
         }
     };
-    written.filter(|time| *time <= LONGEST).ok_or_else(|| "so long a time cannot be kept".to_owned())
+    written.filter(|time| *time <= LONGEST).ok_or_else(|| "the time is too long".to_owned())
 }
 
 fn long_enough(time: Duration) -> Result<Duration, String> {
-    if time < SHORTEST { Err("write a second or more".to_owned()) } else { Ok(time) }
+    if time < SHORTEST { Err("write at least one second".to_owned()) } else { Ok(time) }
 }
 
 #[cfg(test)]

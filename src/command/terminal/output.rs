@@ -6,7 +6,7 @@ use std::fmt::Display;
 use std::io;
 use std::io::{ErrorKind, Write};
 
-/// Prints `text` as it is. Whoever has stopped reading, as `| head` does, wants no more: that is no failure.
+/// Prints `text` as it is. A reader that has stopped reading, as `| head` does, is no failure.
 ///
 /// # Errors
 /// There is no room for it, or nowhere to write.

@@ -1,29 +1,29 @@
 //! What a request may do.
 
-/// Whose everything is where no keys are asked for.
+/// The tenant of all requests where no API keys are required.
 pub const DEFAULT_TENANT: &str = "default";
 
-/// What a key may be for: a kind of thing and what may be done to it.
+/// A scope of an API key: what its requests may do with one kind of resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scope {
-    /// See what was sent in.
+    /// Read ray sets, spectra and uploads.
     UploadsRead,
-    /// Send in, and delete what was sent in.
+    /// Upload and delete ray sets, spectra and uploads.
     UploadsWrite,
-    /// See jobs and what they gave.
+    /// Read jobs and their artifacts.
     JobsRead,
     /// Queue, cancel and delete jobs.
     JobsWrite,
-    /// See who is told of jobs, and how that went.
+    /// Read webhooks and their deliveries.
     WebhooksRead,
-    /// Say who is told of jobs.
+    /// Create, change and delete webhooks.
     WebhooksWrite,
-    /// See the numbers of the whole service, every tenant's together.
+    /// Read the metrics of the whole service, all tenants together.
     MetricsRead,
 }
 
 impl Scope {
-    /// All.
+    /// All scopes.
     pub const ALL: [Scope; 7] = [
         Scope::UploadsRead,
         Scope::UploadsWrite,
@@ -33,7 +33,7 @@ impl Scope {
         Scope::WebhooksWrite,
         Scope::MetricsRead,
     ];
-    /// What a tenant's own key is for when nothing is said: everything that is the tenant's.
+    /// The default scopes of a new key: everything that belongs to its tenant.
     pub const OF_A_TENANT: [Scope; 6] = [
         Scope::UploadsRead,
         Scope::UploadsWrite,
@@ -43,7 +43,7 @@ impl Scope {
         Scope::WebhooksWrite,
     ];
 
-    /// The word in rows, arguments and the contract.
+    /// Name of the scope in the database, in arguments and in the API.
     pub fn name(self) -> &'static str {
         match self {
             Scope::UploadsRead => "uploads:read",
@@ -62,24 +62,24 @@ impl Scope {
     }
 }
 
-/// What a request may do, and to whose things.
+/// What a request may do, and for which tenant.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Access {
-    /// Whose things.
+    /// The tenant whose resources the request may use.
     pub tenant: String,
-    /// What may be done.
+    /// The scopes of the key.
     pub scopes: Vec<Scope>,
-    /// The key it came with; `None` where no keys are asked for.
+    /// Id of the API key of the request; `None` where no keys are required.
     pub key: Option<String>,
 }
 
 impl Access {
-    /// Everybody's, where no keys are asked for.
+    /// The access of every request where no API keys are required.
     pub fn without_key() -> Access {
         Access { tenant: DEFAULT_TENANT.to_owned(), scopes: Scope::ALL.to_vec(), key: None }
     }
 
-    /// Whether it may do this.
+    /// Whether the request has this scope.
     pub fn may(&self, scope: Scope) -> bool {
         self.scopes.contains(&scope)
     }

@@ -1,5 +1,5 @@
-//! Keys: `lw_<id>_<secret>`. The id finds the row, the secret proves the bearer; of the secret only its SHA-256 is kept, which
-//! needs no salt and no slow hash because the secret is 256 bits of chance. A key is told once, when it is made.
+//! Keys: `lw_<id>_<secret>`. The id finds the row, the secret proves the bearer; only the SHA-256 of the secret is stored, which
+//! needs no salt and no slow hash because the secret is 256 random bits. A key is shown once, when it is made.
 
 use super::access::{Access, Scope};
 use crate::hex::hex;
@@ -17,59 +17,59 @@ const PREFIX: &str = "lw";
 const ID_BYTES: usize = 8;
 const SECRET_BYTES: usize = 32;
 
-/// What is known of a key.
+/// An API key, without its secret.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Key {
-    /// Its public part.
+    /// Id of the key: its public part.
     pub id: String,
-    /// Whose things it opens.
+    /// Tenant that the key belongs to.
     pub tenant: String,
-    /// What a person calls it.
+    /// Name of the key, for display only.
     pub name: String,
-    /// What it is for.
+    /// Scopes of the key.
     pub scopes: Vec<Scope>,
-    /// When it was made, epoch ms.
+    /// When the key was made, epoch ms.
     pub created_ms: i64,
-    /// When it ends, epoch ms, if it does.
+    /// When the key expires, epoch ms, if it does.
     pub expires_ms: Option<i64>,
-    /// When it was revoked, epoch ms, if it was.
+    /// When the key was revoked, epoch ms, if it was.
     pub revoked_ms: Option<i64>,
 }
 
-/// A key to be.
+/// The properties of a key to make.
 #[derive(Clone, Debug)]
 pub struct NewKey {
-    /// Whose things it opens.
+    /// Tenant that the key belongs to.
     pub tenant: String,
-    /// What a person calls it.
+    /// Name of the key, for display only.
     pub name: String,
-    /// What it is for.
+    /// Scopes of the key.
     pub scopes: Vec<Scope>,
-    /// How long it lasts, ms; `None`: until revoked.
+    /// Time until the key expires, ms; `None` if it does not expire.
     pub lifetime_ms: Option<i64>,
 }
 
 /// A key that was just made. Its token is nowhere else.
 #[derive(Clone, Debug)]
 pub struct Issued {
-    /// Its public part.
+    /// Id of the key: its public part.
     pub id: String,
-    /// All of it.
+    /// The whole token: id and secret.
     pub token: String,
 }
 
-/// Why a key opens nothing.
+/// Why an API key is not accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refusal {
-    /// There is none.
+    /// The request has no key.
     Missing,
-    /// Not a key of ours.
+    /// The token does not have the form of a key of this service.
     Malformed,
-    /// Not known, or the secret is another's: which of them is not told.
+    /// The id is not known, or the secret is wrong: clients are not told which.
     Unknown,
-    /// Its time is over.
+    /// The key has expired.
     Expired,
-    /// It was revoked.
+    /// The key was revoked.
     Revoked,
 }
 
@@ -104,7 +104,7 @@ pub async fn list(records: &Records, tenant: Option<&str>) -> Result<Vec<Key>, E
     records.read(select.bind(tenant)).await?.iter().map(key).collect()
 }
 
-/// Whether any key opens anything.
+/// Whether there is any valid key.
 ///
 /// # Errors
 /// The database did not answer.
@@ -114,9 +114,8 @@ pub async fn any(records: &Records) -> Result<bool, Error> {
     Ok(records.read_one(sql(select)).await?.is_some())
 }
 
-/// Makes a key like `id`, that lives as long as that was made to, and lets that one end `overlap_ms` from now, or when it would
-/// have anyway. `None` when there is no
-/// such key, or it opens nothing any more.
+/// Makes a new key with the properties and the lifetime of the key `id`, which then expires `overlap_ms` from now, or earlier if
+/// it would have. `None` if there is no such key, or it is not valid any more.
 ///
 /// # Errors
 /// As [`create`].
@@ -140,7 +139,7 @@ pub async fn rotate(records: &Records, id: &str, overlap_ms: i64) -> Result<Opti
     Ok(Some(issued))
 }
 
-/// Ends a key at once. False when there is none that has not been.
+/// Revokes a key at once. False if there is no such key, or it was revoked before.
 ///
 /// # Errors
 /// The database did not answer.
@@ -149,9 +148,9 @@ pub async fn revoke(records: &Records, id: &str) -> Result<bool, Error> {
     Ok(records.write(revoke.bind(id)).await? > 0)
 }
 
-/// A key as its row has it.
+/// A key with the digest of its secret, read from its row.
 #[derive(Clone)]
-struct Held {
+struct StoredKey {
     key: Key,
     secret_sha256: String,
     /// The database's time when it was read, epoch ms.
@@ -161,25 +160,27 @@ struct Held {
 /// Looks keys up in the database, for every request anew: a key that was revoked, by whichever process, opens nothing from the next
 /// request on. Those who ask at the same time are answered with one statement. Cheap to clone.
 #[derive(Clone)]
-pub struct Keyring(Together<Held>);
+pub struct Keyring(Together<StoredKey>);
 
 impl Keyring {
     /// The keys in `records`.
     pub fn new(records: Records) -> Keyring {
         let read = move |ids: Vec<String>| {
             let records = records.clone();
-            async move { held(&records, &ids).await }.boxed()
+            async move { stored_keys(&records, &ids).await }.boxed()
         };
         Keyring(Together::new(read))
     }
 
-    /// What the bearer of `token` may do.
+    /// The access that the key `token` gives.
     ///
     /// # Errors
     /// The database did not answer. Within: why the key opens nothing.
     pub async fn open(&self, token: &str) -> Result<Result<Access, Refusal>, Error> {
         let Some((id, secret)) = split(token) else { return Ok(Err(Refusal::Malformed)) };
-        let Some(Held { key, secret_sha256, now_ms }) = self.0.ask(id).await? else { return Ok(Err(Refusal::Unknown)) };
+        let Some(StoredKey { key, secret_sha256, now_ms }) = self.0.ask(id).await? else {
+            return Ok(Err(Refusal::Unknown));
+        };
         if !bool::from(digest(secret).as_bytes().ct_eq(secret_sha256.as_bytes())) {
             return Ok(Err(Refusal::Unknown));
         }
@@ -193,14 +194,14 @@ impl Keyring {
     }
 }
 
-async fn held(records: &Records, ids: &[String]) -> Result<HashMap<String, Held>, Error> {
+async fn stored_keys(records: &Records, ids: &[String]) -> Result<HashMap<String, StoredKey>, Error> {
     let list = serde_json::to_string(ids).map_err(Error::fault)?;
     let select = sql("SELECT *, {now} AS now_ms FROM api_keys WHERE id IN ({texts of $1 texts})").bind(list);
-    let held = |row: &Row| {
+    let stored = |row: &Row| {
         let (key, secret_sha256) = (key(row)?, row.text("secret_sha256")?);
-        Ok((key.id.clone(), Held { key, secret_sha256, now_ms: row.number("now_ms")? }))
+        Ok((key.id.clone(), StoredKey { key, secret_sha256, now_ms: row.number("now_ms")? }))
     };
-    records.read(select).await?.iter().map(held).collect()
+    records.read(select).await?.iter().map(stored).collect()
 }
 
 /// Id and secret of a token that is written as ours are.
@@ -216,7 +217,7 @@ fn digest(secret: &str) -> String {
     hex(&Sha256::digest(secret.as_bytes()))
 }
 
-/// Bytes of chance.
+/// Random bytes.
 ///
 /// # Errors
 /// The system has no randomness.

@@ -1,14 +1,14 @@
-//! Who may do what: the keys, the tenants they belong to, what a tenant may use, and how often a key may ask.
+//! Access control: API keys, the tenants they belong to, the quotas of tenants and the rate limits of keys.
 
-/// Keys: made, found, rotated, revoked.
+/// API keys: making, finding, rotating and revoking them.
 pub mod keys;
-/// Tenants and what is different about them.
+/// Tenants and their own quotas.
 pub mod tenants;
-/// What a tenant may use, and uses.
+/// Quotas and usage of tenants.
 pub mod quota;
-/// How often a key may ask.
+/// The rate limit of a key.
 pub mod rate;
-/// What a request may do.
+/// Scopes, and the access that a request has.
 pub mod access;
 
 use crate::storage::error::Error;
@@ -18,31 +18,31 @@ use keys::{Keyring, Refusal};
 use rate::RateLimit;
 use std::sync::Arc;
 
-/// What every request passes. Cheap to clone.
+/// Authenticates requests: finds the API key of a request, its tenant and scopes, and counts its requests. Cheap to clone.
 #[derive(Clone)]
-pub struct Door {
+pub struct Authenticator {
     keys: Keyring,
     /// Without keys everybody who reaches the service may do everything; the service then listens on loopback only.
     asks_for_keys: bool,
     rate: Arc<RateLimit>,
 }
 
-impl Door {
-    /// A door that knows the keys in `records`.
-    pub fn new(records: Records, asks_for_keys: bool, rate: RateLimit) -> Door {
-        Door { keys: Keyring::new(records), asks_for_keys, rate: Arc::new(rate) }
+impl Authenticator {
+    /// An authenticator for the API keys in `records`.
+    pub fn new(records: Records, asks_for_keys: bool, rate: RateLimit) -> Authenticator {
+        Authenticator { keys: Keyring::new(records), asks_for_keys, rate: Arc::new(rate) }
     }
 
-    /// Whether a key is asked for.
+    /// Whether requests need an API key.
     pub fn asks_for_keys(&self) -> bool {
         self.asks_for_keys
     }
 
-    /// What the bearer of `token` may do.
+    /// The access that the API key `token` gives; full access where no keys are required.
     ///
     /// # Errors
     /// The database did not answer. Within: why the key opens nothing.
-    pub async fn open(&self, token: Option<&str>) -> Result<Result<Access, Refusal>, Error> {
+    pub async fn authenticate(&self, token: Option<&str>) -> Result<Result<Access, Refusal>, Error> {
         match token {
             _ if !self.asks_for_keys => Ok(Ok(Access::without_key())),
             None => Ok(Err(Refusal::Missing)),
@@ -50,7 +50,7 @@ impl Door {
         }
     }
 
-    /// How often a key may ask.
+    /// The rate limit of a key.
     pub fn policy(&self) -> rate::Policy {
         self.rate.policy()
     }

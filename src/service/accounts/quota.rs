@@ -1,19 +1,19 @@
-//! What a tenant may use, and uses. Counted in the transaction that would use more, while it holds the tenant's row: two
-//! requests at once cannot both take the last place.
+//! Quotas and usage of tenants. Usage is counted in the transaction that adds to it, while it locks the row of the tenant: two
+//! simultaneous requests cannot both take the last place.
 
 use super::tenants;
 use crate::storage::error::Error;
 use crate::storage::records::statement::{Row, sql};
 use crate::storage::records::{Records, Transaction};
 
-/// Most that a tenant may use.
+/// Limits for one tenant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Quota {
-    /// Bytes of ray files, uploads, spectra and artifacts kept.
+    /// Stored bytes of ray files, uploads, spectra and artifacts.
     pub stored_bytes: u64,
-    /// Jobs waiting.
+    /// Number of queued jobs.
     pub queued_jobs: u64,
-    /// Jobs computed at once.
+    /// Number of jobs computed at the same time.
     pub running_jobs: u64,
 }
 
@@ -25,37 +25,37 @@ impl Default for Quota {
     }
 }
 
-/// What a tenant uses.
+/// Present usage of one tenant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Usage {
-    /// Bytes of ray files, uploads, spectra and artifacts kept.
+    /// Stored bytes of ray files, uploads, spectra and artifacts.
     pub stored_bytes: u64,
-    /// Jobs waiting.
+    /// Number of queued jobs.
     pub queued_jobs: u64,
-    /// Jobs being computed.
+    /// Number of running jobs.
     pub running_jobs: u64,
 }
 
-/// Why a tenant gets no more.
+/// The limit that a tenant has reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Exceeded {
     /// Its bytes.
-    #[error("{used} of {limit} bytes are used")]
+    #[error("the tenant uses {used} of {limit} bytes")]
     StoredBytes {
-        /// Kept now, bytes.
+        /// Bytes in use.
         used: u64,
-        /// Most, bytes.
+        /// Limit, bytes.
         limit: u64,
     },
     /// Its waiting jobs.
-    #[error("{limit} jobs are waiting")]
+    #[error("{limit} jobs of the tenant are queued")]
     QueuedJobs {
-        /// Most.
+        /// Limit.
         limit: u64,
     },
 }
 
-/// Room for what a tenant keeps.
+/// The rest of the storage quota of a tenant.
 #[derive(Clone, Copy, Debug)]
 pub struct Room {
     used: u64,
@@ -63,11 +63,11 @@ pub struct Room {
 }
 
 impl Room {
-    /// Whether there is room for `more` bytes.
+    /// Checks whether the tenant may store `more` bytes.
     ///
     /// # Errors
     /// There is none.
-    pub fn admit(self, more: u64) -> Result<(), Exceeded> {
+    pub fn check(self, more: u64) -> Result<(), Exceeded> {
         let Room { used, limit } = self;
         match used.saturating_add(more) > limit {
             true => Err(Exceeded::StoredBytes { used, limit }),
@@ -103,7 +103,7 @@ impl Quota {
         }
     }
 
-    /// What `tenant` may still send: to be asked before it does.
+    /// The rest of the storage quota of `tenant`, to be checked before an upload.
     ///
     /// # Errors
     /// The database did not answer.
@@ -116,29 +116,29 @@ impl Quota {
     ///
     /// # Errors
     /// The database did not answer. Within: it has not.
-    pub async fn admit_bytes(self, transaction: &mut Transaction, tenant: &str) -> Result<Result<(), Exceeded>, Error> {
-        Ok(self.hold(transaction, tenant).await?.room().admit(0))
+    pub async fn check_bytes(self, transaction: &mut Transaction, tenant: &str) -> Result<Result<(), Exceeded>, Error> {
+        Ok(self.lock(transaction, tenant).await?.room().check(0))
     }
 
-    /// The quota and usage of `tenant`, which nobody else changes until the transaction ends. Right as its first statement.
+    /// The quota and usage of `tenant`, which no other transaction changes until this one ends. Must be its first statement.
     ///
     /// # Errors
     /// The database did not answer.
-    pub async fn hold(self, transaction: &mut Transaction, tenant: &str) -> Result<Held, Error> {
+    pub async fn lock(self, transaction: &mut Transaction, tenant: &str) -> Result<LockedUsage, Error> {
         let quota = self.of(&tenants::hold(transaction, tenant).await?);
         let rows = transaction.read(sql(USAGE).bind(tenant)).await?;
-        Ok(Held { quota, usage: rows.first().map(counted).transpose()?.unwrap_or_default() })
+        Ok(LockedUsage { quota, usage: rows.first().map(counted).transpose()?.unwrap_or_default() })
     }
 }
 
-/// A tenant's quota and usage, as long as the transaction that holds its row.
+/// Quota and usage of a tenant, which cannot change while the transaction holds the row of the tenant.
 #[derive(Clone, Copy, Debug)]
-pub struct Held {
+pub struct LockedUsage {
     quota: Quota,
     usage: Usage,
 }
 
-impl Held {
+impl LockedUsage {
     fn room(self) -> Room {
         Room { used: self.usage.stored_bytes, limit: self.quota.stored_bytes }
     }
@@ -147,12 +147,12 @@ impl Held {
     ///
     /// # Errors
     /// It may not.
-    pub fn admit_job(self) -> Result<(), Exceeded> {
+    pub fn check_job(self) -> Result<(), Exceeded> {
         if self.usage.queued_jobs >= self.quota.queued_jobs {
             return Err(Exceeded::QueuedJobs { limit: self.quota.queued_jobs });
         }
         // What it gives will need room: none left is told now, not after the computation.
-        self.room().admit(1)
+        self.room().check(1)
     }
 }
 

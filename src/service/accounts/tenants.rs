@@ -1,4 +1,4 @@
-//! Tenants and what is different about them. A tenant is whoever has a key; a row is only there for what is not the default.
+//! Tenants and their own quotas. Every key belongs to a tenant; a tenant has a row only where a quota is not the default.
 
 use crate::storage::error::Error;
 use crate::storage::records::statement::{Row, sql};
@@ -54,7 +54,7 @@ pub async fn set(records: &Records, tenant: &Tenant) -> Result<(), Error> {
     Ok(())
 }
 
-/// What differs for `id`, which nobody else changes until the transaction ends.
+/// The row of the tenant `id`, which no other transaction changes until this one ends.
 ///
 /// # Errors
 /// The database did not answer.

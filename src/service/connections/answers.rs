@@ -32,7 +32,7 @@ impl Unasked {
         self.waiting().since.insert(number, Instant::now());
     }
 
-    fn forget(&self, number: u64) {
+    fn remove(&self, number: u64) {
         self.waiting().since.remove(&number);
     }
 
@@ -55,8 +55,8 @@ impl Unasked {
 /// Longest piece of an answer that HTTP/2 is given at once, bytes: what it was given does not wait for its client here.
 const PIECE: usize = 16 << 10;
 
-/// An answer that holds what its request has of the service until it is sent.
-pub struct Held {
+/// The body of an answer. Until it is sent, it keeps the place and the counters of its request.
+pub struct AnswerBody {
     body: Answer,
     unasked: Option<(Arc<Unasked>, u64)>,
     /// What is left of the piece that was taken last.
@@ -65,15 +65,20 @@ pub struct Held {
     _forwarded: Option<Forwarded>,
 }
 
-impl Held {
+impl AnswerBody {
     /// The answer `body` of a request that is `at_hand`.
-    pub fn new(body: Answer, at_hand: AtHand, forwarded: Option<Forwarded>, unasked: Option<&Arc<Unasked>>) -> Held {
+    pub fn new(
+        body: Answer,
+        at_hand: AtHand,
+        forwarded: Option<Forwarded>,
+        unasked: Option<&Arc<Unasked>>,
+    ) -> AnswerBody {
         let unasked = unasked.map(|unasked| (Arc::clone(unasked), unasked.enter()));
-        Held { body, unasked, rest: Bytes::new(), _at_hand: at_hand, _forwarded: forwarded }
+        AnswerBody { body, unasked, rest: Bytes::new(), _at_hand: at_hand, _forwarded: forwarded }
     }
 }
 
-impl Held {
+impl AnswerBody {
     /// The beginning of a frame; the rest is kept.
     fn piece(&mut self, frame: Frame<Bytes>) -> Frame<Bytes> {
         match frame.into_data() {
@@ -86,7 +91,7 @@ impl Held {
     }
 }
 
-impl Body for Held {
+impl Body for AnswerBody {
     type Data = Bytes;
     type Error = axum::Error;
 
@@ -102,7 +107,7 @@ impl Body for Held {
                 Poll::Ready(Some(Ok(self.piece(frame))))
             }
             other => {
-                unasked.forget(number);
+                unasked.remove(number);
                 other
             }
         }
@@ -123,10 +128,10 @@ impl Body for Held {
     }
 }
 
-impl Drop for Held {
+impl Drop for AnswerBody {
     fn drop(&mut self) {
         if let Some((unasked, number)) = &self.unasked {
-            unasked.forget(*number);
+            unasked.remove(*number);
         }
     }
 }

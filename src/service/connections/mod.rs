@@ -1,7 +1,7 @@
-//! Takes connections and closes them: how many at once, how long a request's head may take, how long an answer may go unread, and
-//! how they end when the service stops. The only folder that names hyper; `axum::serve` has none of these bounds.
+//! Accepts and closes connections: limits their number, the time for the head of a request and the time for which a client may
+//! read nothing, and ends them when the service stops. The only folder that names hyper; `axum::serve` has none of these bounds.
 
-/// How many are kept.
+/// The places of connections, and which connection is closed for another.
 pub mod places;
 /// What is read and written on them.
 mod stream;
@@ -12,7 +12,7 @@ pub use places::AtHand;
 
 use crate::forwarded::{Peer, Proxies};
 use crate::metrics::Metrics;
-use answers::{Held, Unasked};
+use answers::{AnswerBody, Unasked};
 use axum::Router;
 use axum::body::Body;
 use axum::extract::Request;
@@ -23,7 +23,7 @@ use hyper::ext::ReasonPhrase;
 use hyper::server::conn::{http1, http2};
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
-use places::{Connection, Place, Places};
+use places::{Connection, ConnectionPlace, Places};
 use std::future::{pending, poll_fn};
 use std::io;
 use std::net::SocketAddr;
@@ -31,7 +31,7 @@ use std::pin::pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
-use stream::{Received, Unread};
+use stream::{Received, WriteTimeoutStream};
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinSet;
@@ -70,16 +70,18 @@ const WINDOWS: (u32, u32) = (256 << 10, 1 << 20);
 /// What is kept of an answer that cannot be sent yet, bytes.
 const MAX_SEND_BYTES: usize = 128 << 10;
 
-/// What connections may ask of this process.
+/// Limits for connections.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {
-    /// Connections at once. For one more, one that rests is closed; where none rests, the new one is told 503.
+    /// Largest number of connections. For a further one, an idle connection is closed; if none is idle, the new one is answered
+    /// with 503.
     pub connections: usize,
-    /// Connections at once of one address, and requests at once that trusted proxies bring for one address.
+    /// Largest number of connections from one address, and of simultaneous requests that trusted proxies forward for one address.
     pub per_address: usize,
-    /// Whether that bounds what comes from this machine too.
+    /// Whether the limit per address holds for this machine too.
     pub bounds_loopback: bool,
-    /// Longest time for the head of a request, for the rest between two, and for who sends on after an answer.
+    /// Longest time for the head of a request, for the pause between two requests, and for a client that goes on sending after an
+    /// answer.
     pub head: Duration,
     /// Longest time that a client may read nothing of its answer.
     pub unread: Duration,
@@ -100,8 +102,7 @@ impl Default for Bounds {
 /// How a service stops: first it drains, then it closes. Cheap to clone.
 #[derive(Clone, Debug, Default)]
 pub struct Stopping {
-    /// Nothing new is begun; connections are still taken, so that those who ask whether the service is ready are told that it
-    /// is not.
+    /// Nothing new is started; connections are still accepted, so that readiness probes learn that the service is not ready.
     pub draining: CancellationToken,
     /// No connection is taken, and those without a request are closed.
     pub closing: CancellationToken,
@@ -109,21 +110,21 @@ pub struct Stopping {
     pub requests: TaskTracker,
 }
 
-/// There was no place for this request: it is told 503, unless it asks for the service's health.
+/// Marks a request on a connection without a place: it is answered with 503, except on the health routes.
 #[derive(Clone, Copy, Debug)]
 pub struct NoPlace;
 
-/// What is needed to answer connections.
+/// A server of connections.
 pub struct Server {
-    /// Answers requests.
+    /// The router that answers the requests.
     pub router: Router,
-    /// What connections may ask.
+    /// Limits for connections.
     pub bounds: Bounds,
-    /// Who stands between the service and its clients.
+    /// The proxies between the service and its clients.
     pub proxies: Arc<Proxies>,
-    /// What is counted.
+    /// The metrics of this process.
     pub metrics: Metrics,
-    /// When to stop.
+    /// How the service stops.
     pub stopping: Stopping,
 }
 
@@ -159,7 +160,7 @@ pub async fn serve(listener: TcpListener, server: Server) {
 }
 
 /// One connection, from its first byte to its last.
-async fn answer(server: Arc<Server>, places: Places, place: Place, stream: TcpStream, peer: SocketAddr) {
+async fn answer(server: Arc<Server>, places: Places, place: ConnectionPlace, stream: TcpStream, peer: SocketAddr) {
     let _counted = server.metrics.connection();
     // Answers are small or streamed in large pieces: waiting to fill a packet only delays them.
     let _ = stream.set_nodelay(true);
@@ -168,7 +169,7 @@ async fn answer(server: Arc<Server>, places: Places, place: Place, stream: TcpSt
     let asker = Asker { server: Arc::clone(&server), places, connection: Arc::clone(connection), peer: peer.into() };
     let ended = tokio::select! {
         ended = asker.session(stream, head) => ended,
-        () = connection.given_up() => Err("its place is another's".into()),
+        () = connection.given_up() => Err("the connection was closed in favour of another one".into()),
         () = rested(connection, head) => Ok(()),
         () = unused_when_closing(&server.stopping, connection) => Ok(()),
     };
@@ -197,7 +198,7 @@ async fn draining_after_a_request(draining: &CancellationToken, connection: &Con
     }
 }
 
-/// Resolves when the service closes, on a connection that never had a request: nobody waits for an answer there.
+/// Resolves when the service closes, on a connection that never had a request, where no client waits for an answer.
 async fn unused_when_closing(stopping: &Stopping, connection: &Connection) {
     stopping.closing.cancelled().await;
     if connection.has_asked() {
@@ -217,7 +218,7 @@ async fn resting_when_closing(stopping: &Stopping, connection: &Connection) {
 /// Why a connection ended early.
 type Ended = Result<(), Box<dyn std::error::Error + Send + Sync>>;
 
-/// Who asks on a connection, and who answers. Cheap to clone.
+/// The client of a connection, and the server that answers it. Cheap to clone.
 #[derive(Clone)]
 struct Asker {
     server: Arc<Server>,
@@ -229,14 +230,14 @@ struct Asker {
 impl Asker {
     async fn session(self, stream: TcpStream, head: Duration) -> Ended {
         let is_http_2 = begins_http_2(&stream).await?;
-        let stream = Unread::new(stream, self.server.bounds.unread, Arc::clone(&self.connection));
+        let stream = WriteTimeoutStream::new(stream, self.server.bounds.unread, Arc::clone(&self.connection));
         match is_http_2 {
             true => self.http_2(stream).await,
             false => self.http_1(stream, head).await,
         }
     }
 
-    async fn http_1(self, stream: Unread, head: Duration) -> Ended {
+    async fn http_1(self, stream: WriteTimeoutStream, head: Duration) -> Ended {
         let (draining, place) = (self.server.stopping.draining.clone(), Arc::clone(&self.connection));
         let is_partly_read = Arc::new(AtomicBool::new(false));
         let partly_read = Arc::clone(&is_partly_read);
@@ -268,7 +269,7 @@ impl Asker {
         Ok(ended?)
     }
 
-    async fn http_2(self, stream: Unread) -> Ended {
+    async fn http_2(self, stream: WriteTimeoutStream) -> Ended {
         let (server, place) = (Arc::clone(&self.server), Arc::clone(&self.connection));
         let (draining, bounds) = (&server.stopping.draining, server.bounds);
         let unasked = Arc::new(Unasked::default());
@@ -285,12 +286,12 @@ impl Asker {
         let mut connection = pin!(builder.serve_connection(TokioIo::new(stream), service));
         tokio::select! {
             ended = connection.as_mut() => return Ok(ended?),
-            () = unasked.too_long(bounds.unread) => return Err("an answer went unread".into()),
+            () = unasked.too_long(bounds.unread) => return Err("the client did not read its answer".into()),
             () = draining.cancelled() => connection.as_mut().graceful_shutdown(),
         }
         tokio::select! {
             ended = connection => Ok(ended?),
-            () = unasked.too_long(bounds.unread) => Err("an answer went unread".into()),
+            () = unasked.too_long(bounds.unread) => Err("the client did not read its answer".into()),
             () = resting_when_closing(&server.stopping, &place) => Ok(()),
         }
     }
@@ -322,7 +323,7 @@ impl Asker {
         if status.canonical_reason().is_none() {
             response.extensions_mut().insert(reason(status.as_u16()));
         }
-        Ok(response.map(|body| Body::new(Held::new(body, at_hand, forwarded, unasked.as_ref()))))
+        Ok(response.map(|body| Body::new(AnswerBody::new(body, at_hand, forwarded, unasked.as_ref()))))
     }
 }
 
@@ -365,7 +366,7 @@ async fn begins_http_2(stream: &TcpStream) -> io::Result<bool> {
 
 /// Reads on until the other end has closed too. A connection closed with bytes unread, those of a refused body, is reset, and
 /// the client sees that instead of why it was refused.
-async fn linger(mut stream: Unread) -> io::Result<()> {
+async fn linger(mut stream: WriteTimeoutStream) -> io::Result<()> {
     stream.shutdown().await?;
     tokio::io::copy(&mut stream, &mut tokio::io::sink()).await?;
     Ok(())
@@ -375,7 +376,7 @@ async fn linger(mut stream: Unread) -> io::Result<()> {
 async fn rest_after(error: &io::Error) {
     use io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset};
     if !matches!(error.kind(), ConnectionAborted | ConnectionRefused | ConnectionReset) {
-        tracing::error!(%error, "cannot take a connection");
+        tracing::error!(%error, "cannot accept a connection");
         sleep(REST).await;
     }
 }

@@ -4,7 +4,7 @@
 //! Its place comes from a connection that rests (it has sent no request yet, waits between two requests, or is only being read to
 //! its end): first from the address that has most of them, there from the one that has rested longest. Where none rests, it comes
 //! from one whose request came without a key. Connections that answer a request with a key are never closed for others: where
-//! there are only those, the new connection is a spare one, which is told 503, except by the routes of the service's health.
+//! there are only those, the new connection is a spare one, whose requests are answered with 503, except on the health routes.
 
 use std::collections::HashMap;
 use std::net::{IpAddr, Ipv6Addr};
@@ -67,9 +67,9 @@ struct State {
 /// Which connections may be closed for a new one, the first before the second.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Idle {
-    /// It answers nothing.
+    /// The connection answers no request.
     Resting,
-    /// It answers somebody without a key.
+    /// The connection answers a request without a key.
     WithoutKey,
 }
 
@@ -82,13 +82,13 @@ impl Places {
 
     /// A place for a new connection from `address`; another connection may be closed for it. Where the bound per address does
     /// not hold for it, it `is_bounded` by the number of all connections only.
-    pub fn take(&self, address: IpAddr, is_bounded: bool) -> Place {
+    pub fn take(&self, address: IpAddr, is_bounded: bool) -> ConnectionPlace {
         let address = group(address);
         let mut table = self.0.table();
-        let own = table.kept().filter(|connection| connection.address == address).count();
+        let own = table.not_given_up().filter(|connection| connection.address == address).count();
         let is_crowded = is_bounded && own >= self.0.most_per_address;
         let mut is_spare = is_crowded && !table.make_room(|connection| connection.address == address);
-        if !is_spare && table.kept().count() >= self.0.most {
+        if !is_spare && table.not_given_up().count() >= self.0.most {
             is_spare = !table.make_room(|_| true);
         }
         if is_spare && table.connections.values().filter(|connection| connection.is_spare).count() >= SPARE {
@@ -97,7 +97,7 @@ impl Places {
         table.next += 1;
         let connection = Arc::new(Connection::new(table.next, address, is_spare));
         table.connections.insert(connection.number, Arc::clone(&connection));
-        Place { connection, places: self.clone() }
+        ConnectionPlace { connection, places: self.clone() }
     }
 
     /// Counts a request that a trusted proxy brings for `address`; `None` when that address has as many as it may.
@@ -121,14 +121,14 @@ impl Shared {
 }
 
 impl Table {
-    fn kept(&self) -> impl Iterator<Item = &Arc<Connection>> {
+    fn not_given_up(&self) -> impl Iterator<Item = &Arc<Connection>> {
         self.connections.values().filter(|connection| !connection.is_spare)
     }
 
     /// Closes one connection among those that `may` be closed; whether there was one.
     fn make_room(&mut self, may: impl Fn(&Connection) -> bool) -> bool {
         let mut per_address: HashMap<IpAddr, usize> = HashMap::new();
-        for connection in self.kept() {
+        for connection in self.not_given_up() {
             *per_address.entry(connection.address).or_default() += 1;
         }
         for idle in [Idle::Resting, Idle::WithoutKey] {
@@ -136,7 +136,7 @@ impl Table {
                 let count = per_address.get(&connection.address).copied().unwrap_or(0);
                 (std::cmp::Reverse(count), connection.state().since, connection.number)
             };
-            let victim = self.kept().filter(|c| may(c) && c.is_idle(idle)).min_by_key(rank).map(|c| c.number);
+            let victim = self.not_given_up().filter(|c| may(c) && c.is_idle(idle)).min_by_key(rank).map(|c| c.number);
             if let Some(number) = victim
                 && self.give_up(number, idle)
             {
@@ -201,7 +201,7 @@ impl Connection {
         self.state().is_idle(idle)
     }
 
-    /// Whether there was no place for it: only health is told on it.
+    /// Whether there was no place for the connection: only health routes are answered on it.
     pub fn is_spare(&self) -> bool {
         self.is_spare
     }
@@ -255,8 +255,9 @@ struct Counted {
 }
 
 impl AtHand {
-    /// The request came with a key, or from this machine where no keys are asked for: its connection is not closed for others.
-    pub fn admit(&self) {
+    /// Marks a request with a valid API key, or from this machine where no keys are required: its connection is not closed in
+    /// favour of another one.
+    pub fn mark_with_key(&self) {
         if !self.0.has_key.swap(true, Ordering::Relaxed) {
             let mut state = self.0.connection.state();
             state.with_key += 1;
@@ -264,7 +265,7 @@ impl AtHand {
         }
     }
 
-    /// Whether there was no place for its connection: it is told 503 unless it asks for the service's health.
+    /// Whether there was no place for the connection of the request: it is answered with 503, except on the health routes.
     pub fn is_spare(&self) -> bool {
         self.0.connection.is_spare
     }
@@ -279,26 +280,26 @@ impl Drop for Counted {
     }
 }
 
-/// The place of a connection; dropped, it is free.
-pub struct Place {
+/// The place of one connection among the largest number of them; free again when dropped.
+pub struct ConnectionPlace {
     connection: Arc<Connection>,
     places: Places,
 }
 
-impl Place {
+impl ConnectionPlace {
     /// The connection that has it.
     pub fn connection(&self) -> &Arc<Connection> {
         &self.connection
     }
 }
 
-impl Drop for Place {
+impl Drop for ConnectionPlace {
     fn drop(&mut self) {
         self.places.0.table().connections.remove(&self.connection.number);
     }
 }
 
-/// A request through a trusted proxy; dropped, it is over.
+/// A request that a trusted proxy forwarded; counted until this is dropped.
 pub struct Forwarded {
     address: IpAddr,
     places: Places,
@@ -331,7 +332,7 @@ mod tests {
         [192, 0, 2, last].into()
     }
 
-    fn is_given_up(place: &Place) -> bool {
+    fn is_given_up(place: &ConnectionPlace) -> bool {
         place.connection.given_up.is_cancelled()
     }
 
@@ -350,12 +351,12 @@ mod tests {
         let places = Places::new(2, 2);
         let (first, second) = (places.take(address(1), true), places.take(address(2), true));
         let (keyed, open) = (first.connection.begin(None).unwrap(), second.connection.begin(None).unwrap());
-        keyed.admit();
+        keyed.mark_with_key();
         let third = places.take(address(3), true);
         assert!(is_given_up(&second) && !is_given_up(&first) && !third.connection.is_spare);
         drop((open, second));
         let answering = third.connection.begin(None).unwrap();
-        answering.admit();
+        answering.mark_with_key();
         let spare = places.take(address(4), true);
         assert!(spare.connection.is_spare && !is_given_up(&first) && !is_given_up(&third));
         drop(keyed);
@@ -366,9 +367,9 @@ mod tests {
     #[test]
     fn one_address_has_its_share_and_what_is_not_bounded_has_more() {
         let places = Places::new(10, 2);
-        let at_hand = |place: &Place| {
+        let at_hand = |place: &ConnectionPlace| {
             let request = place.connection.begin(None).unwrap();
-            request.admit();
+            request.mark_with_key();
             request
         };
         let kept: Vec<_> = (0..2).map(|_| places.take(address(1), true)).collect();
@@ -390,7 +391,7 @@ mod tests {
         let places = Places::new(1, 1);
         let kept = places.take(address(1), true);
         let request = kept.connection.begin(None).unwrap();
-        request.admit();
+        request.mark_with_key();
         let spare: Vec<_> = (0..=SPARE).map(|_| places.take(address(2), true)).collect();
         assert!(spare.iter().all(|place| place.connection.is_spare));
         assert_eq!(spare.iter().filter(|place| is_given_up(place)).count(), 1);

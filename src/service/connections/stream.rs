@@ -13,8 +13,8 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::time::{Sleep, sleep};
 
-/// A connection whose other end must read: nothing read for too long is an error.
-pub struct Unread {
+/// A TCP stream whose writes fail when the client reads nothing for too long.
+pub struct WriteTimeoutStream {
     stream: TcpStream,
     longest: Duration,
     connection: Arc<Connection>,
@@ -22,10 +22,10 @@ pub struct Unread {
     waiting: Option<Pin<Box<Sleep>>>,
 }
 
-impl Unread {
+impl WriteTimeoutStream {
     /// The stream of `connection`, given up when nothing was taken for the `longest` time.
-    pub fn new(stream: TcpStream, longest: Duration, connection: Arc<Connection>) -> Unread {
-        Unread { stream, longest, connection, waiting: None }
+    pub fn new(stream: TcpStream, longest: Duration, connection: Arc<Connection>) -> WriteTimeoutStream {
+        WriteTimeoutStream { stream, longest, connection, waiting: None }
     }
 
     /// What a write came to, unless it has waited too long.
@@ -43,13 +43,13 @@ impl Unread {
     }
 }
 
-impl AsyncRead for Unread {
+impl AsyncRead for WriteTimeoutStream {
     fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, into: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
         Pin::new(&mut self.stream).poll_read(cx, into)
     }
 }
 
-impl AsyncWrite for Unread {
+impl AsyncWrite for WriteTimeoutStream {
     fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
         let written = Pin::new(&mut self.stream).poll_write(cx, bytes);
         self.judge(cx, written)

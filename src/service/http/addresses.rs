@@ -1,5 +1,5 @@
-//! Under which address a request came and how answers name addresses: `Host`, slashes at the end, and the path that a proxy puts
-//! before the service's own.
+//! The address of a request and the links in its answer: `Host`, slashes at the end, and the path that a proxy puts before the
+//! paths of the service.
 
 use super::api::Api;
 use super::problem::Problem;
@@ -12,19 +12,19 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
 tokio::task_local! {
-    /// The path before the service's own, of the request that is being answered.
+    /// The path before the paths of the service, for the current request.
     static PREFIX: Prefix;
 }
 
 /// The routes that are answered although there is no place for more connections.
 const HEALTH: [&str; 3] = ["/healthz", "/readyz", "/metrics"];
 
-/// A path of this service, as the client that is being answered has to write it.
+/// A link to `path` of this service, for the client of the current request.
 pub fn link(path: &str) -> String {
     format!("{}{path}", prefix().as_str())
 }
 
-/// The path before the service's own, of the request that is being answered.
+/// The path before the paths of the service, for the current request.
 pub fn prefix() -> Prefix {
     PREFIX.try_with(Prefix::clone).unwrap_or_default()
 }
@@ -53,8 +53,8 @@ pub async fn without_slash(mut request: Request) -> Request {
     request
 }
 
-/// Refuses what no connection can be kept for and what does not say which host it means; answers everything else with links that
-/// begin with the right path.
+/// Refuses requests without a place for their connection and requests without exactly one valid Host; answers all others with
+/// links that begin with the right path.
 pub async fn known(State(api): State<Api>, request: Request, next: Next) -> Response {
     let extensions = request.extensions();
     if extensions.get::<NoPlace>().is_some() && !HEALTH.contains(&request.uri().path()) {
@@ -79,10 +79,10 @@ fn one_host(version: Version, headers: &HeaderMap) -> Result<(), Problem> {
     };
     match (first, second) {
         (None, None) if version < Version::HTTP_11 => Ok(()),
-        (None, _) => Err(Problem::malformed_header("Host", "It is missing.")),
-        (Some(_), Some(_)) => Err(Problem::malformed_header("Host", "It came more than once.")),
+        (None, _) => Err(Problem::malformed_header("Host", "The request has no Host header.")),
+        (Some(_), Some(_)) => Err(Problem::malformed_header("Host", "The request has more than one Host header.")),
         (Some(host), None) if host.to_str().is_ok_and(is_host) => Ok(()),
-        (Some(_), None) => Err(Problem::malformed_header("Host", "It is not a host, with or without a port.")),
+        (Some(_), None) => Err(Problem::malformed_header("Host", "The value is not a host, with or without a port.")),
     }
 }
 

@@ -1,6 +1,6 @@
 //! What every handler of a request can use.
 
-use crate::accounts::Door;
+use crate::accounts::Authenticator;
 use crate::forwarded::Prefix;
 use crate::jobs::queue::Queue;
 use crate::jobs::watcher::Watcher;
@@ -52,7 +52,7 @@ pub struct Services {
     /// Takes those in that can be resumed.
     pub uploads: Uploads,
     /// Knows the keys.
-    pub door: Door,
+    pub authenticator: Authenticator,
     /// Web pages of these origins may use the service.
     pub origins: Arc<[String]>,
     /// The path of the service's public URL: links begin with it.
@@ -67,7 +67,7 @@ pub struct Services {
     pub draining: CancellationToken,
 }
 
-/// A file; its `Content-Type` says of which kind.
+/// The bytes of a file; `Content-Type` names its format.
 #[derive(ToSchema)]
 #[schema(value_type = Value)]
 pub struct AnyFile(#[expect(dead_code, reason = "a schema, never a value")] Vec<u8>);

@@ -1,4 +1,4 @@
-//! `/v1/jobs/{id}/artifacts`: what a job gave.
+//! `/v1/jobs/{id}/artifacts`: the files that a job produced.
 
 use super::api::Api;
 use super::extract::Path;
@@ -17,27 +17,27 @@ use serde::Serialize;
 use std::ops::Range;
 use utoipa::ToSchema;
 
-/// A file a job gave.
+/// A file that a job produced.
 #[derive(Serialize, ToSchema)]
 pub struct Artifact {
-    /// Its path in the zip.
+    /// Name of the file: its path in the zip file.
     name: String,
-    /// Its media type.
+    /// Media type of the file.
     media_type: String,
-    /// Its length, bytes.
+    /// Length of the file, bytes.
     byte_count: u64,
-    /// SHA-256 of its bytes, lower-case hex; also its entity tag.
+    /// SHA-256 of the file, lower-case hex; also its entity tag.
     sha256: String,
-    /// Where it is.
+    /// Address of the file.
     href: String,
 }
 
-/// The files a job gave.
+/// The files that a job produced.
 #[derive(Serialize, ToSchema)]
 pub struct ArtifactList {
-    /// In the order of the zip; empty until the job has succeeded.
+    /// The artifacts in the order of the zip file; empty until the job has succeeded.
     artifacts: Vec<Artifact>,
-    /// All of them in one; null until the job has succeeded.
+    /// The zip file of all artifacts; null until the job has succeeded.
     #[schema(required)]
     zip: Option<Artifact>,
 }
@@ -47,9 +47,9 @@ pub struct ArtifactList {
     get, path = "/v1/jobs/{id}/artifacts", tag = "artifacts", operation_id = "list_artifacts",
     params(("id" = String, Path, description = "the job")),
     responses(
-        (status = 200, body = ArtifactList, description = "its artifacts"),
+        (status = 200, body = ArtifactList, description = "the artifacts of the job"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn list(
@@ -72,25 +72,25 @@ pub async fn list(
 
 /// Downloads an artifact
 ///
-/// Whole or in parts; the entity tag is its SHA-256. Its own media type, or application/octet-stream where `Accept` names only
-/// that.
+/// The whole file, or one range of it. The entity tag is the SHA-256 of the file. The media type is that of the file, or
+/// application/octet-stream where `Accept` names only that.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/artifacts/{*name}", tag = "artifacts", operation_id = "get_artifact",
     params(
         ("id" = String, Path, description = "the job"), ("name" = String, Path, description = "the artifact's name"),
         ("Range" = Option<String>, Header, description = "`bytes=<first>-<last>`: one range"),
-        ("If-None-Match" = Option<String>, Header, description = "entity tags the client has"),
-        ("If-Match" = Option<String>, Header, description = "entity tags one of which it must have"),
-        ("If-Range" = Option<String>, Header, description = "the entity tag that the range is of"),
+        ("If-None-Match" = Option<String>, Header, description = "entity tags of the copies that the client has; 304 if one of them is current"),
+        ("If-Match" = Option<String>, Header, description = "entity tags, one of which the file must have; otherwise 412"),
+        ("If-Range" = Option<String>, Header, description = "the range is sent only if the file has this entity tag; otherwise the whole file"),
     ),
     responses(
-        (status = 200, content((inline(super::api::AnyFile) = "*/*"), (inline(super::api::Binary) = "application/octet-stream")), description = "its bytes", headers(("ETag" = String, description = "its SHA-256"))),
-        (status = 206, content((inline(super::api::AnyFile) = "*/*"), (inline(super::api::Binary) = "application/octet-stream")), description = "the bytes asked for", headers(("Content-Range" = String, description = "which they are"))),
-        (status = 304, description = "the client has it"),
+        (status = 200, content((inline(super::api::AnyFile) = "*/*"), (inline(super::api::Binary) = "application/octet-stream")), description = "the bytes of the file", headers(("ETag" = String, description = "the SHA-256 of the file"))),
+        (status = 206, content((inline(super::api::AnyFile) = "*/*"), (inline(super::api::Binary) = "application/octet-stream")), description = "the requested range of bytes", headers(("Content-Range" = String, description = "the range that is sent, and the length of the file"))),
+        (status = 304, description = "the copy of the client is current"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job or artifact"),
-        (status = 412, body = Problem, content_type = "application/problem+json", description = "it has another entity tag than `If-Match` names"),
-        (status = 416, body = Problem, content_type = "application/problem+json", description = "a range outside the file"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 412, body = Problem, content_type = "application/problem+json", description = "the file does not have an entity tag that `If-Match` names"),
+        (status = 416, body = Problem, content_type = "application/problem+json", description = "the range lies outside the file"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn download(
@@ -104,27 +104,27 @@ pub async fn download(
     send(&api, &id, &name, &method, &headers).await
 }
 
-/// Downloads everything in one zip
+/// Downloads all artifacts of a job in one zip file
 ///
-/// Whole or in parts; the entity tag is its SHA-256. Its own media type, or application/octet-stream where `Accept` names only
-/// that.
+/// The whole file, or one range of it. The entity tag is the SHA-256 of the file. The media type is that of the file, or
+/// application/octet-stream where `Accept` names only that.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/model.zip", tag = "artifacts", operation_id = "get_zip",
     params(
         ("id" = String, Path, description = "the job"),
         ("Range" = Option<String>, Header, description = "`bytes=<first>-<last>`: one range"),
-        ("If-None-Match" = Option<String>, Header, description = "entity tags the client has"),
-        ("If-Match" = Option<String>, Header, description = "entity tags one of which it must have"),
-        ("If-Range" = Option<String>, Header, description = "the entity tag that the range is of"),
+        ("If-None-Match" = Option<String>, Header, description = "entity tags of the copies that the client has; 304 if one of them is current"),
+        ("If-Match" = Option<String>, Header, description = "entity tags, one of which the file must have; otherwise 412"),
+        ("If-Range" = Option<String>, Header, description = "the range is sent only if the file has this entity tag; otherwise the whole file"),
     ),
     responses(
-        (status = 200, content((inline(super::api::Binary) = "application/zip"), (inline(super::api::Binary) = "application/octet-stream")), description = "its bytes", headers(("ETag" = String, description = "its SHA-256"))),
-        (status = 206, content((inline(super::api::Binary) = "application/zip"), (inline(super::api::Binary) = "application/octet-stream")), description = "the bytes asked for", headers(("Content-Range" = String, description = "which they are"))),
-        (status = 304, description = "the client has it"),
-        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job, or no result yet"),
-        (status = 412, body = Problem, content_type = "application/problem+json", description = "it has another entity tag than `If-Match` names"),
-        (status = 416, body = Problem, content_type = "application/problem+json", description = "a range outside the file"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 200, content((inline(super::api::Binary) = "application/zip"), (inline(super::api::Binary) = "application/octet-stream")), description = "the bytes of the file", headers(("ETag" = String, description = "the SHA-256 of the file"))),
+        (status = 206, content((inline(super::api::Binary) = "application/zip"), (inline(super::api::Binary) = "application/octet-stream")), description = "the requested range of bytes", headers(("Content-Range" = String, description = "the range that is sent, and the length of the file"))),
+        (status = 304, description = "the copy of the client is current"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job, or it has not succeeded"),
+        (status = 412, body = Problem, content_type = "application/problem+json", description = "the file does not have an entity tag that `If-Match` names"),
+        (status = 416, body = Problem, content_type = "application/problem+json", description = "the range lies outside the file"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn download_zip(

@@ -1,4 +1,5 @@
-//! What stands before a route: a key with its scope, counted, or, where no keys are asked for, a caller on this machine.
+//! Authorizes requests: checks the API key, its scope and its rate limit, or, where no keys are required, that the client is on
+//! this machine.
 
 use super::api::Api;
 use super::headers::honoured;
@@ -21,9 +22,9 @@ use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement
 use utoipa::openapi::{HeaderBuilder, OpenApi, RefOr};
 use utoipa_axum::router::UtoipaMethodRouter;
 
-/// How often a key may ask.
+/// The header with the rate limit of the key.
 pub const RATE_LIMIT_POLICY: HeaderName = HeaderName::from_static("ratelimit-policy");
-/// How often it may still ask.
+/// The header with the requests that are left.
 pub const RATE_LIMIT: HeaderName = HeaderName::from_static("ratelimit");
 
 /// What the contract calls the way in.
@@ -33,7 +34,7 @@ const SCHEME: &str = "key";
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Counted {
     Yes,
-    /// Who asks for less is never told to wait.
+    /// Requests are not counted.
     No,
 }
 
@@ -47,7 +48,7 @@ pub fn needs_one_of(scopes: &[Scope], routes: UtoipaMethodRouter<Api>) -> Utoipa
     guarded(scopes.to_vec(), Counted::Yes, routes)
 }
 
-/// Routes that a key needs `scope` for, however often it has asked.
+/// Routes that a key needs `scope` for, without a rate limit.
 pub fn needs_only(scope: Scope, routes: UtoipaMethodRouter<Api>) -> UtoipaMethodRouter<Api> {
     guarded(vec![scope], Counted::No, routes)
 }
@@ -62,7 +63,7 @@ fn guarded(scopes: Vec<Scope>, counted: Counted, routes: UtoipaMethodRouter<Api>
         let scopes = Arc::clone(&scopes);
         async move {
             let mut limit = None;
-            let mut response = match admitted(request, &scopes, counted, &mut limit).await {
+            let mut response = match authorized(request, &scopes, counted, &mut limit).await {
                 Ok(request) => next.run(request).await,
                 Err(problem) => problem.into_response(),
             };
@@ -90,11 +91,11 @@ impl Limit {
         // A bucket is refilled steadily: that many seconds from now it is full, if nothing is asked meanwhile.
         let missing = u64::from(burst.saturating_sub(self.left)) * u64::from(window_s);
         let reset_s = self.wait_s.unwrap_or_else(|| missing.div_ceil(u64::from(burst.max(1))));
-        let told = [
+        let values = [
             (RATE_LIMIT_POLICY, format!("\"requests\";q={burst};w={window_s}")),
             (RATE_LIMIT, format!("\"requests\";r={};t={reset_s}", self.left)),
         ];
-        for (name, value) in told {
+        for (name, value) in values {
             if let Ok(value) = HeaderValue::try_from(value) {
                 headers.insert(name, value);
             }
@@ -103,26 +104,26 @@ impl Limit {
 }
 
 /// The request with what it may do; its `limit` is what the key may ask for after it.
-async fn admitted(
+async fn authorized(
     mut request: Request,
     scopes: &[Scope],
     counted: Counted,
     limit: &mut Option<Limit>,
 ) -> Result<Request, Problem> {
     let Some(api) = request.extensions().get::<Api>().cloned() else { return Err(Problem::internal()) };
-    let door = &api.door;
-    if !door.asks_for_keys() {
+    let authenticator = &api.authenticator;
+    if !authenticator.asks_for_keys() {
         from_this_machine(request.headers(), &api.origins)?;
     }
     let token = bearer(request.headers())?.map(str::to_owned);
-    let access = door.open(token.as_deref()).await?.map_err(Problem::from)?;
+    let access = authenticator.authenticate(token.as_deref()).await?.map_err(Problem::from)?;
     Span::current().record("tenant", &access.tenant).record("key", access.key.as_deref());
     if !scopes.iter().any(|scope| access.may(*scope)) {
         let names: Vec<&str> = scopes.iter().map(|scope| scope.name()).collect();
         return Err(Problem::scope_missing(&names.join(" or ")));
     }
     if counted == Counted::Yes {
-        let (policy, count) = (door.policy(), door.count(&access));
+        let (policy, count) = (authenticator.policy(), authenticator.count(&access));
         *limit = match count {
             Ok(left) => left.map(|left| Limit { policy, left, wait_s: None }),
             Err(wait) => Some(Limit { policy, left: 0, wait_s: Some(wait.as_secs() + 1) }),
@@ -130,7 +131,7 @@ async fn admitted(
         count.map_err(Problem::too_often)?;
     }
     if let Some(at_hand) = request.extensions().get::<AtHand>() {
-        at_hand.admit();
+        at_hand.mark_with_key();
     }
     request.extensions_mut().insert(access);
     Ok(request)
@@ -147,8 +148,9 @@ fn bearer(headers: &HeaderMap) -> Result<Option<&str>, Refusal> {
     }
 }
 
-/// Without keys, whoever reaches the address may use it; a web page in a browser on this machine reaches it too. Refuses what a
-/// browser sends for a page from elsewhere, and names that somebody else's DNS has pointed at us.
+/// Without API keys, every program that reaches the address may use the service, and so may a web page in a browser on this
+/// machine. Refuses requests that a browser sends for a page of another origin, and host names that foreign DNS has pointed at
+/// this machine.
 fn from_this_machine(headers: &HeaderMap, origins: &[String]) -> Result<(), Problem> {
     let text = |name: HeaderName| headers.get(name).map(|value| value.to_str().unwrap_or("?"));
     let host = text(header::HOST);
@@ -184,10 +186,12 @@ impl<S: Send + Sync> FromRequestParts<S> for Access {
 fn document(operation: &mut Operation, scopes: &[Scope], counted: Counted) {
     let each = scopes.iter().map(|scope| SecurityRequirement::new(SCHEME, [scope.name()]));
     operation.security = Some(each.collect());
-    let mut refusals =
-        vec![("401", "no key, or one that opens nothing"), ("403", "the key has not the scope for this")];
+    let mut refusals = vec![
+        ("401", "the request has no API key, or the key is malformed, unknown, expired or revoked"),
+        ("403", "the API key lacks the scope that this request needs"),
+    ];
     if counted == Counted::Yes {
-        refusals.push(("429", "too many requests of this key; `RateLimit` says how many it may make"));
+        refusals.push(("429", "this API key made too many requests; the header `RateLimit` says how many it may make"));
     }
     for (status, description) in refusals {
         can_fail(operation, status, description);
@@ -196,12 +200,15 @@ fn document(operation: &mut Operation, scopes: &[Scope], counted: Counted) {
         && let Some(RefOr::T(refusal)) = operation.responses.responses.get_mut("429")
     {
         for (name, description) in [
-            ("Retry-After", "when to ask again, s"),
+            ("Retry-After", "the seconds to wait before the next request"),
             (
                 "RateLimit",
-                "as draft-ietf-httpapi-ratelimit-headers-09 has it, in every answer: how many requests are left, and when all are there again",
+                "how many requests are left, and the seconds until the full allowance is back (draft-ietf-httpapi-ratelimit-headers-09); every answer has this header",
             ),
-            ("RateLimit-Policy", "likewise: how many requests after a rest, and how long that rest is"),
+            (
+                "RateLimit-Policy",
+                "the full allowance of requests, and the seconds in which a used-up allowance becomes full again (same draft)",
+            ),
         ] {
             let header = HeaderBuilder::new().description(Some(description)).build();
             refusal.headers.insert(name.to_owned(), header.into());
@@ -213,8 +220,7 @@ fn document(operation: &mut Operation, scopes: &[Scope], counted: Counted) {
 pub fn document_scheme(contract: &mut OpenApi) {
     let scopes = Scope::ALL.map(Scope::name).join(", ");
     let description = format!(
-        "A key of the tenant whose things are meant, made by `lampwright keys create`. Its scopes: {scopes}. Where the service \
-         listens on loopback only, it asks for none unless told to."
+        "An API key of a tenant, made with `lampwright keys create`. Possible scopes: {scopes}. A service that listens on loopback only requires no key unless it is started with `--auth on`."
     );
     let scheme = HttpBuilder::new().scheme(HttpAuthScheme::Bearer).bearer_format("lw_<id>_<secret>");
     let scheme = SecurityScheme::Http(scheme.description(Some(description)).build());

@@ -1,4 +1,4 @@
-//! `/v1/webhooks/{id}/deliveries`: what an endpoint was told, and how that went.
+//! `/v1/webhooks/{id}/deliveries`: the deliveries of a webhook and their results.
 
 use super::api::Api;
 use super::extract::{Page, Path, Query, cut};
@@ -13,46 +13,46 @@ use axum::http::StatusCode;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-/// One event for one endpoint.
+/// The delivery of one event to one webhook.
 #[derive(Serialize, ToSchema)]
 pub struct Delivery {
-    /// Its identifier: the `webhook-id` of every attempt.
+    /// Identifier of the delivery: the `webhook-id` of every attempt.
     #[schema(format = Uuid)]
     id: String,
-    /// What is told: an event, or `ping`.
+    /// Name of the event, or `ping`.
     event: String,
-    /// Of which job; null for a ping.
+    /// Identifier of the job that ended; null for a ping.
     #[schema(required)]
     job: Option<String>,
-    /// Where it is.
+    /// State of the delivery.
     state: DeliveryState,
-    /// Attempts so far.
+    /// Number of attempts made.
     attempt: i64,
-    /// When the next is due, epoch ms; null unless it waits.
+    /// When the next attempt is due, epoch ms; null if there is none.
     #[schema(required)]
     due_ms: Option<i64>,
-    /// When the last was made, epoch ms.
+    /// When the last attempt was made, epoch ms.
     #[schema(required)]
     attempted_ms: Option<i64>,
-    /// The HTTP status that it was answered with; null when nothing was.
+    /// HTTP status of the last answer; null if the last attempt got none.
     #[schema(required)]
     status: Option<i64>,
-    /// The beginning of what came with it.
+    /// The beginning of the body of the last answer.
     #[schema(required)]
     answer: Option<String>,
-    /// Why nothing was answered.
+    /// Why the last attempt got no answer; null if it got one.
     #[schema(required)]
     error: Option<String>,
-    /// When it was announced, epoch ms.
+    /// When the event happened, epoch ms.
     created_ms: i64,
 }
 
 /// Deliveries, newest first.
 #[derive(Serialize, ToSchema)]
 pub struct DeliveryList {
-    /// One page of them.
+    /// The entries of this page.
     deliveries: Vec<Delivery>,
-    /// The `after` of the next page; null on the last.
+    /// The value of `after` for the next page; null on the last page.
     #[schema(required)]
     next: Option<String>,
 }
@@ -64,17 +64,17 @@ impl From<Row> for Delivery {
     }
 }
 
-/// Lists what a webhook was told, newest first
+/// Lists the deliveries of a webhook, newest first
 ///
-/// Known for 30 days.
+/// Deliveries are listed for 30 days.
 #[utoipa::path(
     get, path = "/v1/webhooks/{id}/deliveries", tag = "webhooks", operation_id = "list_deliveries",
     params(("id" = String, Path, description = "the webhook"), Page),
     responses(
-        (status = 200, body = DeliveryList, description = "one page"),
+        (status = 200, body = DeliveryList, description = "one page of the list"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such webhook"),
-        (status = 422, body = Problem, content_type = "application/problem+json", description = "an unusable query"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "the query is not valid"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn list(
@@ -90,17 +90,17 @@ pub async fn list(
     Ok(Json(DeliveryList { deliveries: rows.into_iter().map(Delivery::from).collect(), next }))
 }
 
-/// Tells it again
+/// Sends a delivery again
 ///
-/// At once, with the same `webhook-id`, whatever came of it before.
+/// The event is sent at once, with the same `webhook-id`, whether or not it was delivered before.
 #[utoipa::path(
     post, path = "/v1/webhooks/{id}/deliveries/{delivery}/redeliver", tag = "webhooks", operation_id = "redeliver",
     params(("id" = String, Path, description = "the webhook"), ("delivery" = String, Path, description = "the delivery")),
     responses(
-        (status = 202, body = Delivery, description = "it will be"),
+        (status = 202, body = Delivery, description = "the event will be delivered again"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such webhook or delivery"),
         (status = 409, body = Problem, content_type = "application/problem+json", description = "the webhook is disabled"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn redeliver(
@@ -121,17 +121,17 @@ pub async fn redeliver(
     Ok((StatusCode::ACCEPTED, Json(now.into())))
 }
 
-/// Tells a webhook that there is nothing to tell
+/// Sends a test event to a webhook
 ///
-/// A `ping` without data, once: its delivery says how that went.
+/// The event is a `ping` without data, sent once. The list of deliveries shows the result.
 #[utoipa::path(
     post, path = "/v1/webhooks/{id}/ping", tag = "webhooks", operation_id = "ping_webhook",
     params(("id" = String, Path, description = "the webhook")),
     responses(
-        (status = 202, body = Delivery, description = "it will be told"),
-        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
-        (status = 409, body = Problem, content_type = "application/problem+json", description = "it is disabled"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 202, body = Delivery, description = "the test event will be sent"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such webhook"),
+        (status = 409, body = Problem, content_type = "application/problem+json", description = "the webhook is disabled"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn ping(
@@ -140,8 +140,8 @@ pub async fn ping(
     Path(id): Path<String>,
 ) -> Result<(StatusCode, Json<Delivery>), Problem> {
     let webhook = find(&api, &access, &id).await?;
-    let told = deliveries::ping(&api.storage.records, &access.tenant, &id).await?;
-    let told = told.ok_or_else(|| Problem::webhook_disabled(webhook.disabled_why.as_deref().unwrap_or("just now")))?;
+    let ping = deliveries::ping(&api.storage.records, &access.tenant, &id).await?;
+    let ping = ping.ok_or_else(|| Problem::webhook_disabled(webhook.disabled_why.as_deref().unwrap_or("just now")))?;
     api.dispatcher.wake();
-    Ok((StatusCode::ACCEPTED, Json(told.into())))
+    Ok((StatusCode::ACCEPTED, Json(ping.into())))
 }

@@ -70,15 +70,15 @@ fn file_or_not(
         // These files are small: a range is answered with all of it.
         Wanted::Whole | Wanted::Part(_) | Wanted::Unsatisfiable => file(),
     };
-    let told = response.headers_mut();
-    told.insert(header::CACHE_CONTROL, HeaderValue::from_static(lifetime));
+    let headers = response.headers_mut();
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static(lifetime));
     if let Ok(etag) = HeaderValue::from_str(etag) {
-        told.insert(header::ETAG, etag);
+        headers.insert(header::ETAG, etag);
     }
     Ok(response)
 }
 
-/// A person at the front door is shown the interface, until there is a portal.
+/// A person at the front authenticator is shown the interface, until there is a portal.
 pub async fn front() -> Redirect {
     Redirect::temporary(&link("/docs/"))
 }
@@ -100,7 +100,7 @@ pub async fn file(Path(path): Path<String>, headers: HeaderMap) -> Result<Respon
 
 fn page(path: &str, headers: &HeaderMap) -> Result<Response, Problem> {
     let file = utoipa_swagger_ui::serve(path, Arc::clone(&PAGES)).map_err(|error| {
-        tracing::error!(%error, path, "a page of /docs");
+        tracing::error!(%error, path, "cannot serve a page of /docs");
         Problem::internal()
     })?;
     let file = file.ok_or_else(|| Problem::no_route(&format!("/docs/{path}")))?;
@@ -112,10 +112,10 @@ fn page(path: &str, headers: &HeaderMap) -> Result<Response, Problem> {
     let mut response = file_or_not(headers, &etag, PAGE_LIFETIME, || {
         ([(header::CONTENT_TYPE, file.content_type)], file.bytes.into_owned()).into_response()
     })?;
-    let told = response.headers_mut();
-    if gzipped && told.contains_key(header::CONTENT_TYPE) {
-        told.insert(header::CONTENT_ENCODING, HeaderValue::from_static("gzip"));
+    let headers = response.headers_mut();
+    if gzipped && headers.contains_key(header::CONTENT_TYPE) {
+        headers.insert(header::CONTENT_ENCODING, HeaderValue::from_static("gzip"));
     }
-    told.insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(PAGE_POLICY));
+    headers.insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(PAGE_POLICY));
     Ok(response)
 }

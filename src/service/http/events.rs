@@ -1,4 +1,4 @@
-//! How clients hear of a job instead of asking again and again: a long poll, and a stream of server-sent events.
+//! How clients wait for a job: a long poll, and a stream of server-sent events.
 
 use super::addresses;
 use super::api::Api;
@@ -7,7 +7,7 @@ use super::job::{Job, find, overall, stages};
 use super::problem::Problem;
 use crate::accounts::access::Access;
 use crate::forwarded::Prefix;
-use crate::jobs::query::Standing;
+use crate::jobs::query::JobStatus;
 use crate::jobs::watcher::Watching;
 use crate::jobs::{State as JobState, query};
 use axum::extract::State;
@@ -25,28 +25,28 @@ use utoipa::ToSchema;
 
 /// Longest wait, s: what stands between a client and this service rarely lets a connection rest for longer.
 const MAX_WAIT_S: u32 = 60;
-/// A stream that has nothing to tell says so this often, so that nobody takes its connection for dead.
+/// A stream without news sends a comment this often, so that no proxy takes its connection for dead.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
 /// When a client whose stream broke asks again.
 const RETRY: Duration = Duration::from_secs(2);
 /// Longest stream; then the client asks again, with a key that still has to open something.
 const LONGEST: Duration = Duration::from_hours(1);
-/// The id of the last event: who has seen it is told that there is no more.
+/// The id of the last event of a stream: a client that has received it is answered with 204.
 const ENDED: &str = "ended";
 
-/// How long to wait for a change.
+/// The query parameter of a long poll: how long to wait for a change.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct Waiting {
-    /// Answer when the state is another than now, or after so many seconds.
+    /// Answer when the state of the job changes, or after this many seconds.
     #[param(minimum = 0, maximum = 60, default = 0)]
     #[serde(default)]
     wait: u32,
 }
 
 impl Waiting {
-    /// Whether the answer is wanted at once.
+    /// Whether the request does not wait.
     pub fn is_none(&self) -> bool {
         self.wait == 0
     }
@@ -79,32 +79,32 @@ pub async fn changed(api: &Api, access: &Access, job: &query::Job, wait: Duratio
 }
 
 fn watch(api: &Api, access: &Access, job: &query::Job) -> Result<Watching, Problem> {
-    api.watcher.watch(&access.tenant, &job.id, Standing::from(job)).ok_or_else(Problem::busy)
+    api.watcher.watch(&access.tenant, &job.id, JobStatus::from(job)).ok_or_else(Problem::busy)
 }
 
-/// How far a job is: the data of the event `progress`.
+/// Progress of a job: the data of the event `progress`.
 #[derive(Serialize, ToSchema)]
 pub struct JobProgress {
-    /// Where it is.
+    /// State of the job.
     state: JobState,
-    /// How often it was begun.
+    /// How often the job was started.
     attempt: u32,
-    /// The stage it is in; null before the first.
+    /// The stage that the computation is in; null before the first.
     #[schema(required)]
     stage: Option<&'static str>,
-    /// How much of that stage is done, 0 to 1.
+    /// Fraction of that stage that is done, 0 to 1.
     #[schema(minimum = 0, maximum = 1)]
     fraction: f64,
-    /// How much of the whole is done, 0 to 1.
+    /// Fraction of the whole job that is done, 0 to 1.
     #[schema(minimum = 0, maximum = 1)]
     progress: f64,
-    /// Place in the queue from 1, while queued.
+    /// Position in the queue from 1, while the job is queued.
     #[schema(required)]
     queue_position: Option<u64>,
 }
 
-impl From<Standing> for JobProgress {
-    fn from(Standing { state, attempt, stage, stage_progress, queue_position }: Standing) -> JobProgress {
+impl From<JobStatus> for JobProgress {
+    fn from(JobStatus { state, attempt, stage, stage_progress, queue_position }: JobStatus) -> JobProgress {
         JobProgress {
             state,
             attempt,
@@ -116,34 +116,34 @@ impl From<Standing> for JobProgress {
     }
 }
 
-/// One event of the stream, by its fields.
+/// The fields of one event of the stream.
 #[derive(ToSchema)]
 #[expect(dead_code, reason = "says what is written as text")]
 struct JobEvent {
     /// `progress`, `ended` or `gone`.
     event: String,
-    /// What to send as `Last-Event-ID` when the stream breaks after it.
+    /// Value to send as `Last-Event-ID` when the connection is lost after this event.
     id: String,
     /// JSON: JobProgress, Job or Problem.
     data: String,
 }
 
-/// Tells of a job as it changes
+/// Streams the progress of a job
 ///
-/// Server-sent events: `progress` (data: JobProgress) at once and whenever it changes; at the end one `ended` (data: Job), or `gone`
-/// (data: Problem) when somebody has deleted the job, and nothing after it. Who asks again gets the present state; with the
-/// `Last-Event-ID` of the last event, 204: there is no more.
+/// The answer is a stream of server-sent events: `progress` (data: JobProgress) at once and whenever the progress changes; the
+/// last event is `ended` (data: Job), or `gone` (data: Problem) if the job was deleted. A client that connects again gets the
+/// present state; if its `Last-Event-ID` is that of the last event, the answer is 204.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/events", tag = "jobs", operation_id = "watch_job",
     params(
         ("id" = String, Path, description = "the job"),
-        ("Last-Event-ID" = Option<String>, Header, description = "the id of the last event that came before the stream broke"),
+        ("Last-Event-ID" = Option<String>, Header, description = "the id of the last event that the client received before the connection was lost"),
     ),
     responses(
         (status = 200, body = JobEvent, content_type = "text/event-stream", description = "the events"),
-        (status = 204, description = "the client has seen the last one"),
+        (status = 204, description = "the client has received the last event; there are no more"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "too many clients that wait, stopping, or a store that does not answer"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "too many clients wait for jobs, the service is stopping, or the database does not answer"),
     )
 )]
 pub async fn events(
@@ -161,14 +161,14 @@ pub async fn events(
         return Err(Problem::draining());
     }
     let watching = watch(&api, &access, &job)?;
-    let first = Some(Standing::from(&job));
+    let first = Some(JobStatus::from(&job));
     let (prefix, longest) = (addresses::prefix(), Box::pin(sleep(LONGEST)));
     let telling = Telling { api, access, id, prefix, watching, first, over: false, longest };
     let mut response = Sse::new(telling.stream()).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)).into_response();
-    let told = response.headers_mut();
-    told.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
-    // Proxies of nginx' kind collect an answer before they pass it on, unless told.
-    told.insert(HeaderName::from_static("x-accel-buffering"), HeaderValue::from_static("no"));
+    let headers = response.headers_mut();
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+    // Proxies of nginx' kind collect an answer before they pass it on, unless headers.
+    headers.insert(HeaderName::from_static("x-accel-buffering"), HeaderValue::from_static("no"));
     Ok(response)
 }
 
@@ -180,8 +180,8 @@ struct Telling {
     /// What its links begin with.
     prefix: Prefix,
     watching: Watching,
-    /// What is told before anything changes.
-    first: Option<Standing>,
+    /// The status that is sent before any change.
+    first: Option<JobStatus>,
     over: bool,
     longest: Pin<Box<Sleep>>,
 }
@@ -196,16 +196,16 @@ impl Telling {
         if self.over {
             return None;
         }
-        let standing = match self.first.take() {
+        let status = match self.first.take() {
             Some(first) => Some(first),
             None => tokio::select! {
-                standing = self.watching.next() => standing,
+                status = self.watching.next() => status,
                 () = self.api.draining.cancelled() => return None,
                 () = &mut self.longest => return None,
             },
         };
-        match standing {
-            Some(standing) if !standing.state.ended() => progress(standing),
+        match status {
+            Some(status) if !status.state.ended() => progress(status),
             _ => self.last().await,
         }
     }
@@ -228,8 +228,8 @@ impl Telling {
     }
 }
 
-fn progress(standing: Standing) -> Option<Event> {
-    let stage = standing.stage.map_or("none", Stage::name);
-    let id = format!("{}.{}.{stage}.{:.4}", standing.attempt, standing.state.name(), standing.stage_progress);
-    Event::default().event("progress").id(id).retry(RETRY).json_data(JobProgress::from(standing)).ok()
+fn progress(status: JobStatus) -> Option<Event> {
+    let stage = status.stage.map_or("none", Stage::name);
+    let id = format!("{}.{}.{stage}.{:.4}", status.attempt, status.state.name(), status.stage_progress);
+    Event::default().event("progress").id(id).retry(RETRY).json_data(JobProgress::from(status)).ok()
 }

@@ -1,4 +1,5 @@
-//! What handlers take from a request. Ours, because the libraries' own refuse in plain text.
+//! Extractors of handlers: JSON body, path and query. The extractors of the libraries are not used, because they refuse in plain
+//! text.
 
 use super::problem::Problem;
 use axum::body::to_bytes;
@@ -46,8 +47,8 @@ fn read<T: DeserializeOwned + Serialize>(text: &[u8]) -> Result<T, Problem> {
     drop_nulls(&mut json, "", "", &mut nulls);
     let value: T = of_shape(&json)?;
     unknown_null::<T>(&json, &nulls)?;
-    let meant = serde_json::to_value(&value).unwrap_or_default();
-    match list_for_object(&json, &meant, String::new()) {
+    let parsed = serde_json::to_value(&value).unwrap_or_default();
+    match list_for_object(&json, &parsed, String::new()) {
         Some(path) => Err(Problem::wrong_shape(&path, "invalid type: sequence, expected an object")),
         None => Ok(value),
     }
@@ -87,8 +88,8 @@ fn drop_nulls(value: &mut Value, pointer: &str, place: &str, nulls: &mut Nulls) 
     }
 }
 
-/// Refuses a field that was null and that nobody knows: a misspelt name is a mistake whatever its value. Each place is put back
-/// alone and read once more, so that a body costs as many readings as its shape has optional fields, not as it has nulls.
+/// Refuses an unknown field that was null: a misspelt name is a mistake whatever its value. Each place is put back alone and read
+/// once more, so that a body costs as many readings as its shape has optional fields, not as it has nulls.
 fn unknown_null<T: DeserializeOwned>(json: &Value, nulls: &Nulls) -> Result<(), Problem> {
     for (pointer, name) in nulls.values() {
         let mut with_one = json.clone();
@@ -130,7 +131,7 @@ fn has_nul(part: Option<&str>) -> bool {
     part.is_some_and(|part| part.contains("%00"))
 }
 
-/// A small body, all of it.
+/// Reads a whole body of at most `limit` bytes.
 ///
 /// # Errors
 /// [`Problem`]: more than `limit` bytes, or cut short.
@@ -138,23 +139,23 @@ pub async fn bytes_up_to(body: axum::body::Body, limit: usize) -> Result<bytes::
     to_bytes(body, limit).await.map_err(|error| match is_length_limit(&error) {
         true => Problem::body_too_large(limit as u64),
         false => {
-            tracing::debug!(%error, "a body broke off");
+            tracing::debug!(%error, "the transfer of a body was interrupted");
             Problem::body_truncated()
         }
     })
 }
 
-/// The path of a list that was `sent` where an object is `meant`: serde would read it as the object's fields in order.
-fn list_for_object(sent: &Value, meant: &Value, path: String) -> Option<String> {
-    match (sent, meant) {
+/// The path of a list that was `sent` where an object is `parsed`: serde would read it as the object's fields in order.
+fn list_for_object(sent: &Value, parsed: &Value, path: String) -> Option<String> {
+    match (sent, parsed) {
         (Value::Array(_), Value::Object(_)) => Some(if path.is_empty() { "body".to_owned() } else { path }),
-        (Value::Array(sent), Value::Array(meant)) => {
-            let both = sent.iter().zip(meant).enumerate();
-            both.into_iter().find_map(|(k, (sent, meant))| list_for_object(sent, meant, format!("{path}[{k}]")))
+        (Value::Array(sent), Value::Array(parsed)) => {
+            let both = sent.iter().zip(parsed).enumerate();
+            both.into_iter().find_map(|(k, (sent, parsed))| list_for_object(sent, parsed, format!("{path}[{k}]")))
         }
-        (Value::Object(sent), Value::Object(meant)) => sent.iter().find_map(|(name, value)| {
+        (Value::Object(sent), Value::Object(parsed)) => sent.iter().find_map(|(name, value)| {
             let dot = if path.is_empty() { "" } else { "." };
-            list_for_object(value, meant.get(name)?, format!("{path}{dot}{name}"))
+            list_for_object(value, parsed.get(name)?, format!("{path}{dot}{name}"))
         }),
         _ => None,
     }
@@ -179,7 +180,7 @@ impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for Path<T>
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Path<T>, Problem> {
         if has_nul(Some(parts.uri.path())) {
-            return Err(Problem::malformed_path("It holds the character U+0000."));
+            return Err(Problem::malformed_path("The path contains the character U+0000."));
         }
         match axum::extract::Path::<T>::from_request_parts(parts, state).await {
             Ok(axum::extract::Path(path)) => Ok(Path(path)),
@@ -218,21 +219,21 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct Page {
-    /// Most entries to answer.
+    /// The largest number of entries in the answer.
     #[param(minimum = 1, maximum = 100, default = 20)]
     #[serde(default = "Page::default_limit")]
     pub limit: u32,
-    /// The `next` of the page before.
+    /// The value of `next` in the page before this one.
     pub after: Option<String>,
 }
 
 impl Page {
-    /// What a client gets who does not say.
+    /// Number of entries where the client gives no limit.
     pub fn default_limit() -> u32 {
         20
     }
 
-    /// The limit, if it is one.
+    /// Checks the limit of a page.
     ///
     /// # Errors
     /// [`Problem`]: out of range.

@@ -1,4 +1,4 @@
-//! `/v1/ray-sets/ingest`: ray files that are fetched instead of sent.
+//! `/v1/ray-sets/ingest`: fetches ray files from URLs instead of receiving them.
 
 use super::api::Api;
 use super::extract::Body;
@@ -16,37 +16,37 @@ use serde::{Deserialize, Serialize};
 use tokio_util::sync::CancellationToken;
 use utoipa::ToSchema;
 
-/// A ray file that is elsewhere.
+/// A request to fetch a ray file from a URL.
 #[derive(Deserialize, Serialize, ToSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Elsewhere {
-    /// Where: `https://..`, or `s3://bucket/key` in a bucket that the operator allows.
+pub struct IngestRequest {
+    /// URL of the file: `https://..`, or `s3://bucket/key` in a bucket that the operator allows.
     #[schema(pattern = "^(https?|s3)://", max_length = 2048)]
     url: String,
-    /// What to call it; else the last part of the address.
+    /// Name of the file. Default: the last part of the URL.
     #[serde(default)]
     #[schema(max_length = 255)]
     name: Option<String>,
-    /// Its SHA-256, hex: verified when given.
+    /// SHA-256 of the file, hex; the service verifies it.
     #[serde(default)]
     #[schema(pattern = "^[0-9a-fA-F]{64}$")]
     sha256: Option<String>,
-    /// Unit of its positions; goes before the file's own word.
+    /// The length unit of the positions in the file; overrides what the file says.
     #[serde(default)]
     length_unit: Option<LengthUnit>,
-    /// What its flux values are, W or lm; goes before the file's own word.
+    /// Whether the flux values in the file are radiant (W) or luminous (lm); overrides what the file says.
     #[serde(default)]
     quantity: Option<QuantityName>,
-    /// What stands in each column, for text in columns only.
+    /// The meaning of each column, for files that are text in columns only; names as in a channel.
     #[serde(default)]
     columns: Option<Vec<String>>,
-    /// The client's own keys and values, which every ray set that comes of it gets.
+    /// The client's own metadata, which every ray set that is made of the file gets.
     #[serde(default)]
     #[schema(nullable)]
     metadata: Metadata,
 }
 
-impl Elsewhere {
+impl IngestRequest {
     fn announcement(self) -> Result<Announcement, Problem> {
         let path = self.url.split(['?', '#']).next().unwrap_or_default();
         let last = percent_decoded(path.rsplit('/').next().unwrap_or_default());
@@ -68,26 +68,30 @@ impl Elsewhere {
     }
 }
 
-/// Fetches a ray file, or those in a packed one
+/// Fetches a ray file, or an archive of ray files, from a URL
 ///
-/// As if it had been sent: the same bounds, the same answer. It is answered when all of it is there, however long that takes; if the
-/// connection breaks before, nothing is kept, and asking again is right. An address must be the internet's, and so must be each
-/// of at most three redirects.
+/// The fetched file is treated as if the client had uploaded it: the same limits and the same answer apply. The answer comes when
+/// the whole file has arrived, however long that takes. If the connection of the client is lost before that, nothing is stored;
+/// send the request again. The host of the URL, and of each of at most three redirects, must have a public internet address.
 #[utoipa::path(
-    post, path = "/v1/ray-sets/ingest", tag = "ray sets", operation_id = "ingest_ray_set", request_body = Elsewhere,
+    post, path = "/v1/ray-sets/ingest", tag = "ray sets", operation_id = "ingest_ray_set", request_body = IngestRequest,
     responses(
-        (status = 201, body = Taken, description = "taken in", headers(("Location" = String, description = "the ray set, or the list where there are several"))),
-        (status = 400, body = Problem, content_type = "application/problem+json", description = "not JSON; a malformed file; wrong digest"),
-        (status = 413, body = Problem, content_type = "application/problem+json", description = "larger than this service takes, or than there is quota for"),
-        (status = 415, body = Problem, content_type = "application/problem+json", description = "not JSON by its Content-Type"),
-        (status = 422, body = Problem, content_type = "application/problem+json", description = "unknown field, wrong type; an address that is refused; a file that is refused"),
-        (status = 502, body = Problem, content_type = "application/problem+json", description = "the address does not answer, gives no file, or breaks off"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, stopping, or a store that does not answer"),
-        (status = 504, body = Problem, content_type = "application/problem+json", description = "the file came too slowly"),
-        (status = 507, body = Problem, content_type = "application/problem+json", description = "no room for more"),
+        (status = 201, body = Taken, description = "the file is stored", headers(("Location" = String, description = "the address of the ray set, or of the list of ray sets where there are several"))),
+        (status = 400, body = Problem, content_type = "application/problem+json", description = "the body is not JSON; the file is malformed; the digest does not match"),
+        (status = 413, body = Problem, content_type = "application/problem+json", description = "the file is larger than this service accepts, or than the storage quota of the tenant allows"),
+        (status = 415, body = Problem, content_type = "application/problem+json", description = "the Content-Type is not application/json"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "a field is unknown or of the wrong type; the URL is refused; the file is refused"),
+        (status = 502, body = Problem, content_type = "application/problem+json", description = "the server at the URL does not answer, gives no file, or stops in the middle of it"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy or stopping, or the database or the object store does not answer"),
+        (status = 504, body = Problem, content_type = "application/problem+json", description = "the server at the URL sent the file too slowly"),
+        (status = 507, body = Problem, content_type = "application/problem+json", description = "the service has no storage space for this"),
     )
 )]
-pub async fn ingest(State(api): State<Api>, access: Access, Body(from): Body<Elsewhere>) -> Result<Response, Problem> {
+pub async fn ingest(
+    State(api): State<Api>,
+    access: Access,
+    Body(from): Body<IngestRequest>,
+) -> Result<Response, Problem> {
     if api.draining.is_cancelled() {
         return Err(Problem::draining());
     }
@@ -105,7 +109,7 @@ pub async fn ingest(State(api): State<Api>, access: Access, Body(from): Body<Els
         coming.take(&api.intake, &access.tenant, announcement, move |bytes| metrics.upload_bytes(bytes)).await
     });
     let taken = taken.await.map_err(|error| {
-        tracing::error!(%error, "a file that is fetched stopped");
+        tracing::error!(%error, "the task that fetches a file panicked");
         Problem::internal()
     })??;
     known(&reader, taken).await

@@ -1,5 +1,5 @@
-//! Headers that change what a request means: each is honoured or refused, never ignored, and on every route. This is the one place
-//! that judges those which no handler honours. `openapi/README.md` has the table that clients read.
+//! Headers that change the meaning of a request: on every route, each of them is honoured or refused, never ignored. This is the
+//! one place that checks the headers which no handler honours. `openapi/README.md` has the table that clients read.
 
 use super::api::Api;
 use super::openapi::{can_fail, operations};
@@ -22,13 +22,13 @@ const METHOD_OVERRIDES: [&str; 3] = ["x-http-method-override", "x-http-method", 
 pub fn honoured(routes: UtoipaMethodRouter<Api>) -> UtoipaMethodRouter<Api> {
     let (schemas, mut paths, handlers) = routes;
     for operation in operations(&mut paths) {
-        can_fail(operation, "400", "an address that is no text; a header that is malformed, or is not honoured here");
+        can_fail(operation, "400", "the path is not valid UTF-8; a header is malformed or not supported here");
         can_fail(operation, "412", "a precondition (If-Match, If-None-Match) is false");
-        can_fail(operation, "417", "Expect asks for something else than 100-continue");
+        can_fail(operation, "417", "the Expect header asks for something other than 100-continue");
     }
     for item in paths.paths.values_mut() {
         for operation in [&mut item.post, &mut item.put, &mut item.patch, &mut item.delete].into_iter().flatten() {
-            can_fail(operation, "415", "the body has a Content-Encoding");
+            can_fail(operation, "415", "the body has a Content-Encoding, which is not supported");
         }
     }
     (schemas, paths, handlers.route_layer(from_fn(answer)))
@@ -81,7 +81,7 @@ fn framing(headers: &HeaderMap) -> Result<(), Problem> {
         true => Err(Problem::not_honoured(
             "Content-Length",
             "The request has Transfer-Encoding and Content-Length.",
-            "Send one of them.",
+            "Send only one of the two.",
         )),
         false => Ok(()),
     }
@@ -101,8 +101,8 @@ fn method_override(method: &Method, headers: &HeaderMap) -> Result<(), Problem> 
     let other =
         METHOD_OVERRIDES.into_iter().find(|name| text(headers, name).is_some_and(|said| said != method.as_str()));
     let Some(name) = other else { return Ok(()) };
-    let detail = format!("The request is a {method}, and {name} asks for another method.");
-    let remedy = "Send the method itself. Only X-HTTP-Method-Override is honoured, and only under /v1/uploads.";
+    let detail = format!("The method of the request is {method}, but {name} asks for a different method.");
+    let remedy = "Send the request with the intended method. X-HTTP-Method-Override works under /v1/uploads only.";
     Err(Problem::not_honoured(name, &detail, remedy))
 }
 
@@ -114,12 +114,12 @@ fn content(headers: &HeaderMap) -> Result<(), Problem> {
         return Err(Problem::content_encoding(coding));
     }
     if headers.contains_key(header::CONTENT_RANGE) {
-        let remedy = "Send the whole body. A ray file can come in several requests to /v1/uploads (tus 1.0).";
-        return Err(Problem::not_honoured("Content-Range", "A part of a body is not taken.", remedy));
+        let remedy = "Send the whole body. To send a ray file in several requests, use /v1/uploads (tus 1.0).";
+        return Err(Problem::not_honoured("Content-Range", "This address does not accept a part of a body.", remedy));
     }
     if headers.contains_key(header::TRAILER) {
-        let remedy = "Send it as a header, before the body.";
-        return Err(Problem::not_honoured("Trailer", "What follows a body is not read.", remedy));
+        let remedy = "Send the field as a header, before the body.";
+        return Err(Problem::not_honoured("Trailer", "The service does not read trailers.", remedy));
     }
     Ok(())
 }
@@ -137,7 +137,7 @@ fn key(method: &Method, route: &str, headers: &HeaderMap) -> Result<(), Problem>
 fn of_an_upload(method: &Method, is_tus: bool, headers: &HeaderMap) -> Result<(), Problem> {
     for name in headers.keys().filter(|name| name.as_str().starts_with("upload-")) {
         if headers.get_all(name).iter().count() > 1 {
-            return Err(Problem::malformed_header(name.as_str(), "It came more than once."));
+            return Err(Problem::malformed_header(name.as_str(), "The request has this header more than once."));
         }
         let value = text(headers, name.as_str()).unwrap_or_default();
         let is_known = match (is_tus, method) {
@@ -152,8 +152,8 @@ fn of_an_upload(method: &Method, is_tus: bool, headers: &HeaderMap) -> Result<()
             (false, _) => name.as_str() == "upload-draft-interop-version",
         };
         if !is_known {
-            let detail = format!("{name}: {value} means nothing to this request.");
-            let remedy = "OPTIONS /v1/uploads names what there is of tus; such an upload begins with POST /v1/uploads.";
+            let detail = format!("This request does not support {name}: {value}.");
+            let remedy = "OPTIONS /v1/uploads names the supported extensions of tus; begin a resumable upload with POST /v1/uploads.";
             return Err(Problem::not_honoured(name.as_str(), &detail, remedy));
         }
     }
@@ -169,8 +169,9 @@ enum Tags {
     Some,
 }
 
-/// What must hold of a thing before it is told. Things of JSON have no entity tag and no date of a change, so that no tag is theirs,
-/// and dates are left alone, as RFC 9110, section 13.1.4, has it. Whoever has a tag judges it: its handler.
+/// The conditions of a request, which must hold before a resource is sent or changed. Things of JSON have no entity tag and no
+/// date of a change, so that no tag is theirs, and dates are left alone, as RFC 9110, section 13.1.4, has it. Where a resource has
+/// an entity tag, its handler checks it.
 #[derive(Clone, Copy, Debug, Default)]
 struct Conditions {
     if_match: Option<Tags>,
@@ -203,7 +204,7 @@ impl Conditions {
         }
     }
 
-    /// The answer to whoever looks, if these hold of what it tells.
+    /// The answer to a GET or HEAD request, if these conditions hold for its content.
     fn hold_for(self, response: Response) -> Response {
         let has_tag = response.headers().contains_key(header::ETAG);
         if has_tag || !response.status().is_success() {
@@ -225,7 +226,9 @@ fn tags(headers: &HeaderMap, name: &HeaderName) -> Result<Option<Tags>, Problem>
         _ if values.is_empty() => Ok(None),
         "*" => Ok(Some(Tags::Any)),
         list if is_tag_list(list) => Ok(Some(Tags::Some)),
-        _ => Err(Problem::malformed_header(name.as_str(), "It is neither * nor entity tags in quotes.")),
+        _ => {
+            Err(Problem::malformed_header(name.as_str(), "The value is neither * nor a list of entity tags in quotes."))
+        }
     }
 }
 

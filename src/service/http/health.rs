@@ -8,35 +8,35 @@ use axum::extract::State;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-/// That the service is well.
+/// The state of the service.
 #[derive(Serialize, ToSchema)]
 pub struct Health {
-    /// "ok".
+    /// Always "ok".
     status: &'static str,
-    /// Of the service.
+    /// Version of the service.
     version: &'static str,
 }
 
 const WELL: Health = Health { status: "ok", version: env!("CARGO_PKG_VERSION") };
 
-/// Tells that the process lives
+/// Reports that the process is alive
 #[utoipa::path(
     get, path = "/healthz", tag = "health", operation_id = "health",
-    responses((status = 200, body = Health, description = "it does"))
+    responses((status = 200, body = Health, description = "the process is alive"))
 )]
 pub async fn live() -> Json<Health> {
     Json(WELL)
 }
 
-/// Tells whether the service can do its work
+/// Reports whether the service is ready for requests
 ///
-/// What is written to the database is there for others, the object store takes bytes, local disks have the room that is kept
-/// free, and it is not stopping.
+/// The service is ready when the database accepts rows, the object store accepts bytes, the local disks have the free space that
+/// the operator reserved, and the service is not stopping.
 #[utoipa::path(
     get, path = "/readyz", tag = "health", operation_id = "ready",
     responses(
-        (status = 200, body = Health, description = "it can"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "it cannot"),
+        (status = 200, body = Health, description = "the service is ready"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is not ready; `code` and `detail` say why"),
     )
 )]
 pub async fn ready(State(api): State<Api>) -> Result<Json<Health>, Problem> {

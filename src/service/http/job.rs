@@ -1,4 +1,4 @@
-//! A job as its clients see it.
+//! A job as clients see it, in JSON.
 
 use super::addresses::link;
 use super::api::Api;
@@ -19,7 +19,7 @@ use pipeline::Stage;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-/// Where the artifact `name` of a job is.
+/// Address of the artifact `name` of a job.
 pub fn href(job: &str, name: &str) -> String {
     if name == ZIP {
         return link(&format!("/v1/jobs/{job}/{ZIP}"));
@@ -38,72 +38,73 @@ pub fn href(job: &str, name: &str) -> String {
 /// once, once with tracing, once with spectra). Only progress bars depend on it.
 const STAGE_WEIGHTS: [f64; 6] = [20.0, 15.0, 30.0, 30.0, 2.0, 3.0];
 
-/// A job.
+/// A job: the computation of one source model.
 #[derive(Serialize, ToSchema)]
 pub struct Job {
-    /// Its identifier.
+    /// Identifier of this object.
     #[schema(format = Uuid)]
     id: String,
-    /// Where it is.
+    /// State of the job.
     state: JobState,
-    /// How much of it is done, 0 to 1.
+    /// Fraction of this that is done, 0 to 1.
     #[schema(minimum = 0, maximum = 1)]
     progress: f64,
-    /// The stage it is in; null before the first.
+    /// The stage that the computation is in; null before the first.
     #[schema(required)]
     stage: Option<&'static str>,
-    /// Every stage, in order.
+    /// The progress of every stage, in order.
     stages: Vec<StageProgress>,
-    /// Place in the line from 1, while queued: its tenant's own jobs by priority, then age. Tenants take turns.
+    /// Position in the queue of the tenant, from 1, while the job is queued: by priority, then by age. Tenants take turns.
     #[schema(required)]
     queue_position: Option<u64>,
-    /// How often it was begun.
+    /// How often the job was started.
     attempt: u32,
-    /// Somebody asked to cancel it.
+    /// Whether a client asked to cancel the job.
     cancel_requested: bool,
-    /// The channels of its source, as sent.
+    /// The channels of the source, as the client sent them.
     channels: Vec<Channel>,
-    /// Total flux of its source, of which the channels have shares.
+    /// Total flux of the source, of which the channels have shares.
     #[schema(required)]
     total: Option<TotalFlux>,
-    /// What was chosen; null means from the rays.
+    /// The options of the job; null means that the value follows from the rays.
     #[schema(value_type = JobOptions)]
     options: Options,
-    /// Before which of its tenant's other jobs it comes.
+    /// Priority of the job among the queued jobs of its tenant.
     priority: Priority,
-    /// Longest that an attempt may take, s; null is the service's own limit.
+    /// Longest time that an attempt may take, s; null means the limit of the service.
     #[schema(required)]
     timeout_s: Option<u32>,
-    /// The client's own keys and values.
+    /// The client's own metadata.
     metadata: Metadata,
-    /// Most memory that computing it is expected to need, bytes.
+    /// Expected peak memory of the computation, bytes.
     memory_bytes: u64,
-    /// Only in the answer to a request that would have made a job: true when this one was there before.
+    /// Only in the answer to a request for a new job: true if this is an equal job that existed before.
     #[serde(skip_serializing_if = "Option::is_none")]
     reused: Option<bool>,
-    /// Why it failed, if it did.
+    /// Why the job failed; null if it did not.
     #[schema(required)]
     problem: Option<JobProblem>,
-    /// What was repaired, dropped or odd, and what an inspection of each channel warns of, once it has succeeded.
+    /// Notices about data that was repaired, dropped or unusual, and the warnings of the inspections of its channels; empty until
+    /// the job has succeeded.
     notices: Vec<StoredNotice>,
-    /// When it was accepted, epoch ms.
+    /// When the job was accepted, epoch ms.
     created_ms: i64,
-    /// When it was last begun, epoch ms.
+    /// When the job was last started, epoch ms; null if it was not.
     #[schema(required)]
     started_ms: Option<i64>,
-    /// When it ended, epoch ms.
+    /// When the job ended, epoch ms.
     #[schema(required)]
     finished_ms: Option<i64>,
-    /// Where things are.
+    /// Addresses of related objects.
     links: JobLinks,
 }
 
-/// One stage's progress.
+/// Progress of one stage.
 #[derive(Serialize, ToSchema)]
 pub struct StageProgress {
     /// rays, hull, flux, goniogram, model or artifacts.
     name: &'static str,
-    /// How much of it is done, 0 to 1.
+    /// Fraction of this that is done, 0 to 1.
     #[schema(minimum = 0, maximum = 1)]
     progress: f64,
 }
@@ -111,16 +112,16 @@ pub struct StageProgress {
 /// Why a job failed.
 #[derive(Serialize, ToSchema)]
 pub struct JobProblem {
-    /// Stable: programs may depend on it.
+    /// Stable code: programs may depend on it.
     code: String,
-    /// The kind of failure, for a person.
+    /// Short title of the kind of failure.
     title: String,
-    /// What was found.
+    /// What is wrong in this case.
     detail: String,
-    /// Where: "byte 20", "options.hull.resolution".
+    /// Where the problem is: "byte 20", "options.hull.resolution".
     #[schema(required)]
     at: Option<String>,
-    /// What to do.
+    /// What the client or the operator can do about it.
     #[schema(required)]
     remedy: Option<String>,
 }
@@ -131,22 +132,22 @@ impl From<Failure> for JobProblem {
     }
 }
 
-/// Where a job's things are.
+/// Addresses that belong to a job.
 #[derive(Serialize, ToSchema)]
 pub struct JobLinks {
-    /// Itself.
+    /// Address of this object.
     #[serde(rename = "self")]
     this: String,
-    /// POST here to cancel; null once it has ended.
+    /// Address to POST to in order to cancel the job; null once the job has ended.
     #[schema(required)]
     cancel: Option<String>,
-    /// The list of its artifacts; null until it has succeeded.
+    /// List of the artifacts; null until the job has succeeded.
     #[schema(required)]
     artifacts: Option<String>,
-    /// All of them in one zip; null until it has succeeded.
+    /// Zip file of all artifacts; null until the job has succeeded.
     #[schema(required)]
     zip: Option<String>,
-    /// Its ray sets.
+    /// The ray sets of the channels.
     ray_sets: Vec<String>,
 }
 
@@ -189,14 +190,14 @@ impl From<query::Job> for Job {
 }
 
 impl Job {
-    /// As the answer to a request that would have made it.
+    /// The job as the answer to the request that would have made it, with the field `reused`.
     #[must_use]
     pub fn reused(self, reused: bool) -> Job {
         Job { reused: Some(reused), ..self }
     }
 }
 
-/// How much of the whole is done, 0 to 1.
+/// Fraction of the whole job that is done, 0 to 1.
 pub(super) fn overall(stages: &[StageProgress]) -> f64 {
     stages.iter().zip(STAGE_WEIGHTS).map(|(stage, weight)| stage.progress * weight).sum::<f64>()
         / STAGE_WEIGHTS.iter().sum::<f64>()
@@ -214,16 +215,16 @@ pub(super) fn stages(reached: Option<Stage>, within: f64) -> Vec<StageProgress> 
 
 /// Cancels a job
 ///
-/// A queued job ends at once, a running one within seconds.
+/// A queued job ends at once, a running job within seconds.
 #[utoipa::path(
     post, path = "/v1/jobs/{id}/cancel", tag = "jobs", operation_id = "cancel_job",
     params(("id" = String, Path, description = "the job")),
     responses(
-        (status = 202, body = Job, description = "it will be", headers(
-            ("Location" = String, description = "the job"), ("Retry-After" = u64, description = "when to look, s"))),
-        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
-        (status = 409, body = Problem, content_type = "application/problem+json", description = "it has ended"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "a store that does not answer"),
+        (status = 202, body = Job, description = "the job will be cancelled", headers(
+            ("Location" = String, description = "the job"), ("Retry-After" = u64, description = "the seconds to wait before asking for the state of the job"))),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job"),
+        (status = 409, body = Problem, content_type = "application/problem+json", description = "the job has ended already"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the database or the object store does not answer"),
     )
 )]
 pub async fn cancel(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<Response, Problem> {
@@ -231,7 +232,7 @@ pub async fn cancel(State(api): State<Api>, access: Access, Path(id): Path<Strin
     accepted(&api, &access, &id).await
 }
 
-/// The job `id` of whoever asks, or 404.
+/// The job `id` of the tenant of the request, or 404.
 pub async fn find(api: &Api, access: &Access, id: &str) -> Result<query::Job, Problem> {
     query::get(&api.storage.records, &access.tenant, id).await?.ok_or_else(|| Problem::no_job(id))
 }
@@ -240,7 +241,7 @@ async fn accepted(api: &Api, access: &Access, id: &str) -> Result<Response, Prob
     Ok(location(StatusCode::ACCEPTED, find(api, access, id).await?.into()))
 }
 
-/// A job that is to be asked for again.
+/// The answer with a job that has not ended: the headers `Location` and `Retry-After`.
 pub fn location(status: StatusCode, job: Job) -> Response {
     let headers = [(header::LOCATION, job.links.this.clone()), (header::RETRY_AFTER, "1".to_owned())];
     (status, headers, Json(job)).into_response()

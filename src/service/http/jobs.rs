@@ -1,4 +1,4 @@
-//! `/v1/jobs`: what is to be computed, how far it is, and why it failed.
+//! `/v1/jobs`: lists, returns and deletes jobs.
 
 use super::addresses::prefix;
 use super::api::Api;
@@ -8,7 +8,7 @@ use super::extract::{Page, Path, Query, cut};
 use super::job::{Job, find};
 use super::problem::Problem;
 use crate::accounts::access::Access;
-use crate::jobs::recent::Known;
+use crate::jobs::recent::KnownJob;
 use crate::jobs::{Priority, State as JobState, query};
 use crate::metadata::Metadata;
 use axum::Json;
@@ -24,9 +24,9 @@ use uuid::Uuid;
 /// Jobs, newest first.
 #[derive(Serialize, ToSchema)]
 pub struct JobList {
-    /// One page of them.
+    /// The entries of this page.
     jobs: Vec<Job>,
-    /// The `after` of the next page; null on the last.
+    /// The value of `after` for the next page; null on the last page.
     #[schema(required)]
     next: Option<String>,
 }
@@ -35,9 +35,9 @@ pub struct JobList {
 #[utoipa::path(
     get, path = "/v1/jobs", tag = "jobs", operation_id = "list_jobs", params(JobPage),
     responses(
-        (status = 200, body = JobList, description = "one page"),
-        (status = 422, body = Problem, content_type = "application/problem+json", description = "an unusable query"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 200, body = JobList, description = "one page of the list"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "the query is not valid"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn list(
@@ -81,15 +81,15 @@ pub struct JobPage {
     #[param(minimum = 0)]
     #[serde(default, deserialize_with = "moment")]
     created_before_ms: Option<i64>,
-    /// Only jobs whose metadata has all of these keys and values: a JSON object of texts.
+    /// Only jobs whose metadata has all of these keys and values: a JSON object of strings.
     #[param(value_type = Option<String>, example = "{\"order\":\"4711\"}")]
     #[serde(default, deserialize_with = "Metadata::from_text")]
     metadata: Metadata,
-    /// Most entries to answer.
+    /// The largest number of entries in the answer.
     #[param(minimum = 1, maximum = 100, default = 20)]
     #[serde(default = "Page::default_limit")]
     limit: u32,
-    /// The `next` of the page before.
+    /// The value of `next` in the page before this one.
     after: Option<String>,
 }
 
@@ -111,18 +111,18 @@ fn moment<'de, D: Deserializer<'de>>(number: D) -> Result<Option<i64>, D::Error>
     i64::try_from(ms).map(Some).map_err(D::Error::custom)
 }
 
-/// Tells of a job
+/// Returns a job
 ///
-/// At once, or, with `wait`, when its state is another than now, when it has ended already, or when so many seconds are over:
-/// ask again until `state` is succeeded, failed or cancelled.
+/// Without `wait`, the answer comes at once. With `wait`, it comes when the state of the job changes, or after that many seconds;
+/// at once if the job has ended. Ask again until `state` is succeeded, failed or cancelled.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}", tag = "jobs", operation_id = "get_job",
     params(("id" = String, Path, description = "the job"), Waiting),
     responses(
-        (status = 200, body = Job, description = "what is known of it"),
-        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
-        (status = 422, body = Problem, content_type = "application/problem+json", description = "an unusable query"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, too many clients that wait, or a store that does not answer"),
+        (status = 200, body = Job, description = "the job"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "the query is not valid"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, too many clients wait for jobs, or the database does not answer"),
     )
 )]
 pub async fn get(
@@ -137,14 +137,14 @@ pub async fn get(
         return answer(&known);
     }
     events::changed(&api, &access, &known.job, wait).await?;
-    answer(&Known::new(find(&api, &access, &id).await?))
+    answer(&KnownJob::new(find(&api, &access, &id).await?))
 }
 
 /// The job as it is answered; written once for all who ask while it stays as it is.
-fn answer(known: &Known) -> Result<Response, Problem> {
+fn answer(known: &KnownJob) -> Result<Response, Problem> {
     let body = known.answer(prefix().as_str(), |job| serde_json::to_vec(&Job::from(job.clone())).map(Bytes::from));
     let body = body.map_err(|error| {
-        tracing::error!(%error, "a job cannot be written");
+        tracing::error!(%error, "cannot write a job as JSON");
         Problem::internal()
     })?;
     Ok(([(header::CONTENT_TYPE, "application/json")], body).into_response())
@@ -152,15 +152,15 @@ fn answer(known: &Known) -> Result<Response, Problem> {
 
 /// Deletes a job and its artifacts
 ///
-/// Its ray sets stay.
+/// The ray sets of the job are not deleted.
 #[utoipa::path(
     delete, path = "/v1/jobs/{id}", tag = "jobs", operation_id = "delete_job",
     params(("id" = String, Path, description = "the job")),
     responses(
-        (status = 204, description = "gone"),
-        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
-        (status = 409, body = Problem, content_type = "application/problem+json", description = "it has not ended"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "a store that does not answer"),
+        (status = 204, description = "the job is deleted"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job"),
+        (status = 409, body = Problem, content_type = "application/problem+json", description = "the job has not ended; cancel it first"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the database or the object store does not answer"),
     )
 )]
 pub async fn delete(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<StatusCode, Problem> {

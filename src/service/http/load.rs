@@ -1,4 +1,5 @@
-//! How many requests are let in at once, how long they may take, and whether there is room for what they bring.
+//! Limits on requests: how many are processed at the same time, how long they may take, and whether there is storage space for
+//! their bodies.
 
 use super::api::Api;
 use super::events::Waiting;
@@ -33,8 +34,9 @@ const PATIENCE: Duration = Duration::from_secs(30);
 /// its bytes would keep a thread, and all who wait for it, for as long as the system has more of them.
 const TURN_BYTES: usize = 128 << 10;
 
-/// At most as many requests to these routes together as there are `places`; one more is told to come back.
-pub fn admit(routes: OpenApiRouter<Api>, places: &Arc<Semaphore>) -> OpenApiRouter<Api> {
+/// Limits the number of simultaneous requests to these routes together to the number of `places`; a further request is refused
+/// with 503.
+pub fn limit_concurrency(routes: OpenApiRouter<Api>, places: &Arc<Semaphore>) -> OpenApiRouter<Api> {
     let layers = ServiceBuilder::new()
         .layer(HandleErrorLayer::new(refused))
         .layer(LoadShedLayer::new())
@@ -47,9 +49,9 @@ fn waits(uri: &Uri) -> bool {
     Query::<Waiting>::try_from_uri(uri).is_ok_and(|Query(waiting)| !waiting.is_none())
 }
 
-/// As [`admit`] and [`patient`], but for requests that wait for something to happen (`?wait=`): whoever watches it bounds those,
-/// and they keep nobody else from asking.
-pub fn admit_but_waiting(routes: OpenApiRouter<Api>, places: &Arc<Semaphore>) -> OpenApiRouter<Api> {
+/// As [`limit_concurrency`] and [`with_timeout`], except for requests that wait for a change (`?wait=`): the watcher of jobs
+/// limits these, so that they do not take the places of other requests.
+pub fn limit_unless_waiting(routes: OpenApiRouter<Api>, places: &Arc<Semaphore>) -> OpenApiRouter<Api> {
     let places = Arc::clone(places);
     routes.layer(from_fn(move |request: Request, next: Next| {
         let places = Arc::clone(&places);
@@ -66,24 +68,24 @@ pub fn admit_but_waiting(routes: OpenApiRouter<Api>, places: &Arc<Semaphore>) ->
     }))
 }
 
-/// No request to these routes takes longer than [`PATIENCE`] to begin its response.
-pub fn patient(mut routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
+/// Refuses requests to these routes with 504 when their response has not begun after [`PATIENCE`].
+pub fn with_timeout(mut routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
     for operation in operations(&mut routes.get_openapi_mut().paths) {
-        can_fail(operation, "504", "the answer took too long");
+        can_fail(operation, "504", "the service did not answer in time");
     }
     routes.layer(ServiceBuilder::new().layer(HandleErrorLayer::new(refused)).layer(TimeoutLayer::new(PATIENCE)))
 }
 
-/// Says in the contract that these routes write, and that what they write may find no room.
+/// Adds the response 507 to the contract of these routes, which write data.
 pub fn can_be_full(mut routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
     for operation in operations(&mut routes.get_openapi_mut().paths) {
-        can_fail(operation, "507", "no room for more");
+        can_fail(operation, "507", "the service has no storage space for this");
     }
     routes
 }
 
-/// Requests to these routes write rows: while there is less room than is kept free they are refused, and what makes room is not.
-pub fn roomy(routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
+/// Refuses requests to these routes, which write rows, while the free storage space is below the reserved limit.
+pub fn require_free_space(routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
     can_be_full(routes).layer(from_fn(|request: Request, next: Next| async move {
         match request.extensions().get::<Api>().map(|api| api.space.has_room_for(0)) {
             Some(true) => next.run(request).await,
@@ -93,8 +95,8 @@ pub fn roomy(routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
     }))
 }
 
-/// Bodies sent to these routes are kept: they need room, and are counted as they come.
-pub fn kept(routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
+/// Checks that there is storage space for the bodies of these routes, and counts their bytes in the metrics as they arrive.
+pub fn account_body(routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
     can_be_full(routes).layer(from_fn(|request: Request, next: Next| async move {
         match room(request) {
             Ok(request) => next.run(request).await,
@@ -139,7 +141,7 @@ async fn refused(error: BoxError) -> Problem {
     } else if error.is::<Elapsed>() {
         Problem::timeout()
     } else {
-        tracing::error!(%error, "a layer failed");
+        tracing::error!(%error, "a middleware layer failed");
         Problem::internal()
     }
 }

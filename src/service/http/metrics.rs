@@ -10,15 +10,16 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use std::time::Instant;
 
-/// Tells the numbers of this process and of the queue
+/// Returns the metrics of this process and of the job queue
 ///
-/// In Prometheus' text format, or in OpenMetrics where `Accept` asks for it, as Prometheus does. `lampwright_oldest_queued_seconds` and `lampwright_overdue_jobs` answer whether it is stuck.
+/// The format is Prometheus' text format, or OpenMetrics where `Accept` asks for it, as Prometheus does. The metrics
+/// `lampwright_oldest_queued_seconds` and `lampwright_overdue_jobs` show whether the queue is stuck.
 #[utoipa::path(
     get, path = "/metrics", tag = "health", operation_id = "metrics",
     responses(
-        (status = 200, description = "the numbers",
+        (status = 200, description = "the metrics",
             content((String = "text/plain"), (String = "application/openmetrics-text"))),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "a store that does not answer"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the database or the object store does not answer"),
     )
 )]
 pub async fn text(State(api): State<Api>, headers: HeaderMap) -> Result<Response, Problem> {
@@ -52,7 +53,7 @@ pub async fn counted(State(api): State<Api>, request: Request, next: Next) -> Re
     response
 }
 
-/// A method may be any word; only those that mean something here are told apart.
+/// A method may be any word; only the methods that HTTP defines get a label of their own.
 fn known(method: &Method) -> &'static str {
     let all = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"];
     all.into_iter().find(|known| *known == method.as_str()).unwrap_or("other")

@@ -1,16 +1,16 @@
-//! Every route, in one list, and what stands before them.
+//! All routes in one list, and the middleware before them.
 
 /// What handlers take from a request.
 pub mod extract;
-/// Keys and scopes before a route.
+/// API keys and scopes of requests.
 pub mod authorize;
 /// Headers that change what a request means.
 pub mod headers;
-/// How much is let in at once.
+/// Limits on simultaneous requests, their time and their space.
 pub mod load;
 /// Errors as clients see them.
 pub mod problem;
-/// Under which address a request came.
+/// The address of a request and the links in its answer.
 pub mod addresses;
 /// Answers that are sent compressed.
 mod compression;
@@ -18,41 +18,41 @@ mod compression;
 pub mod ranges;
 /// Ray files.
 pub mod ray_sets;
-/// Ray files that come in several requests.
+/// Resumable uploads.
 pub mod uploads;
-/// What their requests and answers are made of.
+/// The headers of the protocol tus.
 pub mod tus;
-/// Ray files from elsewhere.
+/// Fetching ray files from URLs.
 pub mod fetch;
-/// The queries that files are sent with.
+/// The query parameters of uploads.
 pub mod upload_request;
 /// Spectra of channels.
 pub mod spectra;
-/// What is to be computed.
+/// Jobs: listing, reading and deleting them.
 pub mod jobs;
-/// How a job is asked for.
+/// Submitting jobs.
 pub mod submission;
-/// How clients hear of it.
+/// Waiting for jobs, and the stream of their progress.
 pub mod events;
-/// What a job gave.
+/// The artifacts of jobs.
 pub mod artifacts;
-/// Who is told that jobs have ended.
+/// Webhooks.
 pub mod webhooks;
-/// What they were told.
+/// Deliveries of webhooks.
 pub mod deliveries;
-/// Whether the service lives and works.
+/// Health and readiness.
 pub mod health;
-/// Whether the stores work.
+/// The check of the stores for readiness.
 pub mod readiness;
-/// Numbers for who watches over it.
+/// Metrics.
 pub mod metrics;
-/// What it says of every route.
+/// Descriptions that every route shares in the OpenAPI contract.
 pub mod openapi;
 /// The contract, for programs and for people.
 pub mod docs;
 /// A job as its clients see it.
 mod job;
-/// What every handler of a request can use.
+/// The state that every handler can use.
 pub mod api;
 
 use crate::accounts::access::Scope;
@@ -66,7 +66,7 @@ use axum::http::{HeaderName, HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Extension, Router, middleware};
-use load::{admit, admit_but_waiting, can_be_full, kept, patient, roomy};
+use load::{account_body, can_be_full, limit_concurrency, limit_unless_waiting, require_free_space, with_timeout};
 use problem::Problem;
 use std::any::Any;
 use std::sync::Arc;
@@ -100,17 +100,17 @@ const CORS_MEMORY: Duration = Duration::from_mins(10);
 #[openapi(
     info(
         title = "Lampwright",
-        description = "Turns a light source's ray file into a continuous source model. Upload a ray file, queue a job, download what it gives. Every error is `application/problem+json` (RFC 9457) with a stable `code`.",
+        description = "Turns a light source's ray file into a continuous source model. Upload a ray file, queue a job, download its artifacts. Every error is `application/problem+json` (RFC 9457) with a stable `code`.",
         license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0"),
     ),
     tags(
-        (name = "ray sets", description = "Ray files, as they came"),
-        (name = "uploads", description = "Ray files that come in several requests: tus 1.0.0"),
-        (name = "spectra", description = "Spectra of channels, from files of their own"),
-        (name = "jobs", description = "What is to be computed, how far it is, and why it failed"),
-        (name = "artifacts", description = "What a job gave"),
-        (name = "webhooks", description = "Who is told that jobs have ended"),
-        (name = "health", description = "Whether the service lives and works"),
+        (name = "ray sets", description = "Ray files, stored as they were uploaded"),
+        (name = "uploads", description = "Resumable uploads of ray files: tus 1.0.0"),
+        (name = "spectra", description = "Spectra of channels, read from spectrum files"),
+        (name = "jobs", description = "Computations of source models: their progress, results and problems"),
+        (name = "artifacts", description = "The files that a job produced"),
+        (name = "webhooks", description = "URLs that the service notifies when a job ends"),
+        (name = "health", description = "State and metrics of the service"),
     ),
     components(schemas(events::JobProgress, Message<EndedJob>)),
 )]
@@ -164,17 +164,17 @@ fn routes() -> OpenApiRouter<Api> {
     let places = |at_once| Arc::new(Semaphore::new(at_once));
     let reading = places(READS);
     OpenApiRouter::with_openapi(Contract::openapi())
-        .merge(admit(kept(uploads), &places(UPLOADS)))
-        .merge(admit(roomy(ingests), &places(INGESTS)))
-        .merge(admit(patient(kept(spectra)), &places(UPLOADS)))
-        .merge(admit(patient(reads), &reading))
-        .merge(admit(patient(roomy(writes)), &reading))
-        .merge(admit_but_waiting(waits, &reading))
-        .merge(patient(streams))
-        .merge(patient(watch().merge(can_be_full(relief))))
+        .merge(limit_concurrency(account_body(uploads), &places(UPLOADS)))
+        .merge(limit_concurrency(require_free_space(ingests), &places(INGESTS)))
+        .merge(limit_concurrency(with_timeout(account_body(spectra)), &places(UPLOADS)))
+        .merge(limit_concurrency(with_timeout(reads), &reading))
+        .merge(limit_concurrency(with_timeout(require_free_space(writes)), &reading))
+        .merge(limit_unless_waiting(waits, &reading))
+        .merge(with_timeout(streams))
+        .merge(with_timeout(watch().merge(can_be_full(relief))))
 }
 
-/// For whoever watches over the service; every process has these.
+/// Routes for monitoring, which every process has.
 fn watch() -> OpenApiRouter<Api> {
     OpenApiRouter::new()
         .routes(headers::honoured(routes!(health::live)))
@@ -182,7 +182,7 @@ fn watch() -> OpenApiRouter<Api> {
         .routes(needs_only(Scope::MetricsRead, routes!(metrics::text)))
 }
 
-/// The service's face.
+/// The router of a process that answers clients.
 pub fn router(api: Api) -> Router {
     let (router, _) = routes().split_for_parts();
     let router = router
@@ -194,12 +194,12 @@ pub fn router(api: Api) -> Router {
     dressed(router, api)
 }
 
-/// The face of a process that only computes: whether it is well, and its numbers.
+/// The router of a process that only computes jobs: health checks and metrics.
 pub fn health_router(api: Api) -> Router {
-    dressed(patient(watch()).split_for_parts().0, api)
+    dressed(with_timeout(watch()).split_for_parts().0, api)
 }
 
-/// What stands before every route.
+/// Adds the middleware that every route has.
 fn dressed(router: Router<Api>, api: Api) -> Router {
     let layers = ServiceBuilder::new()
         .layer(SetRequestIdLayer::new(REQUEST_ID, NewRequestId))
@@ -226,7 +226,7 @@ fn dressed(router: Router<Api>, api: Api) -> Router {
     // What stands around a router stands before it has chosen a route.
     let before = ServiceBuilder::new()
         .layer(middleware::map_request(addresses::without_slash))
-        .layer(middleware::map_request(tus::meant));
+        .layer(middleware::map_request(tus::override_method));
     Router::new().fallback_service(routes).layer(before)
 }
 
@@ -266,7 +266,7 @@ fn failed(failure: ServerErrorsFailureClass, took: Duration, _: &tracing::Span) 
     match failure {
         ServerErrorsFailureClass::StatusCode(
             status @ (StatusCode::SERVICE_UNAVAILABLE | StatusCode::INSUFFICIENT_STORAGE),
-        ) => tracing::warn!(%status, ?took, "a request was refused that may succeed later"),
+        ) => tracing::warn!(%status, ?took, "a request was refused; it may succeed later"),
         failure => tracing::error!(%failure, ?took, "a request failed"),
     }
 }

@@ -15,10 +15,10 @@ pub fn complete(contract: &mut OpenApi) {
             without_null(parameter);
         }
         if in_path {
-            can_fail(operation, "400", "an address that is no text, or not exactly one Host");
+            can_fail(operation, "400", "the path is not valid UTF-8, or the request does not have exactly one Host");
         }
-        can_fail(operation, "400", "not exactly one Host");
-        can_fail(operation, "500", "a fault of the service");
+        can_fail(operation, "400", "the request does not have exactly one Host");
+        can_fail(operation, "500", "the service failed because of an error in the service itself");
     }
     for (name, schema) in contract.components.iter_mut().flat_map(|components| components.schemas.iter_mut()) {
         match schema {

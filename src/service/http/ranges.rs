@@ -3,18 +3,18 @@
 use axum::http::{HeaderMap, HeaderName, header};
 use std::ops::Range;
 
-/// What a GET asks for.
+/// The part of a file that a GET request asks for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Wanted {
-    /// Everything.
+    /// The whole file.
     Whole,
     /// Bytes from start to end, the end not included.
     Part(Range<u64>),
-    /// Nothing: the client has it.
+    /// Nothing, because the copy of the client is current.
     Nothing,
-    /// What the file does not have.
+    /// A range outside the file.
     Unsatisfiable,
-    /// Nothing, unless the file is another: `If-Match` does not hold.
+    /// Nothing, because `If-Match` is false.
     Changed,
 }
 

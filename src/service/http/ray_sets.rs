@@ -1,4 +1,4 @@
-//! `/v1/ray-sets`: ray files, as they came.
+//! `/v1/ray-sets`: uploads, lists, returns and deletes ray sets.
 
 use super::addresses::link;
 use super::api::Api;
@@ -6,7 +6,7 @@ use super::artifacts::disposition;
 use super::extract::{Page, Path, Query, cut};
 use super::problem::Problem;
 use super::ranges::{Wanted, media_type, wanted};
-use super::upload_request::{RaySetPage, Sending, announcement};
+use super::upload_request::{RaySetPage, UploadQuery, announcement};
 use crate::accounts::access::Access;
 use crate::metadata::Metadata;
 use crate::ray_sets;
@@ -31,68 +31,68 @@ const FAR_FIELD: &str = "far-field.svg";
 /// The media type of a drawing.
 const SVG: &str = "image/svg+xml";
 
-/// A ray file as it was taken in.
+/// A ray set: a ray file that the service has stored.
 #[derive(Serialize, ToSchema)]
 pub struct RaySet {
-    /// Its identifier.
+    /// Identifier of this object.
     #[schema(format = Uuid)]
     id: String,
-    /// What it was called.
+    /// Name of the file.
     name: String,
-    /// Its length, bytes.
+    /// Length of the ray file, bytes.
     byte_count: u64,
-    /// SHA-256 of its bytes, lower-case hex.
+    /// SHA-256 of the file, lower-case hex.
     sha256: String,
-    /// What it says of itself: format, ray count, totals, spectrum, and, but in lists, texts.
+    /// What the file says: its format, ray count, total fluxes, spectrum and texts (texts are not in lists).
     #[schema(value_type = Object)]
     header: Value,
-    /// What was said of it as it was sent; its channels obey it in what they do not say themselves.
+    /// What the client declared about the file when it was uploaded; a channel of a job may override it.
     declared: FileDeclaration,
-    /// What its rays say, with a verdict per check (`inspection.schema.json`); null in lists and for files taken in before
-    /// there were inspections.
+    /// The inspection of the rays, with a verdict for each check (`inspection.schema.json`); null in lists, and for files from
+    /// versions without inspections.
     #[schema(value_type = Option<Object>, required)]
     inspection: Option<Value>,
-    /// The packed file it came in; null where it came by itself.
+    /// The archive that the file was unpacked from; null if it was not in one.
     #[schema(required)]
     packed: Option<Packed>,
-    /// The client's own keys and values.
+    /// The client's own metadata.
     metadata: Metadata,
-    /// When it was complete, epoch ms.
+    /// When the upload of the file was complete, epoch ms.
     created_ms: i64,
-    /// Where it is.
+    /// Addresses that belong to the ray set.
     links: RaySetLinks,
 }
 
-/// A gzip, zstd or zip file that ray sets came in; it is not kept itself.
+/// The gzip, zstd or zip archive that ray sets were unpacked from; the archive itself is not kept.
 #[derive(Serialize, ToSchema)]
 pub struct Packed {
-    /// What it was called.
+    /// Name of the file.
     name: String,
-    /// SHA-256 of its bytes, lower-case hex.
+    /// SHA-256 of the file, lower-case hex.
     sha256: String,
-    /// What else was in it, and why it is no ray set; at most 100 of them.
+    /// Other files in the archive, and why they were left out; at most 100 of them.
     left_out: Vec<LeftOut>,
 }
 
-/// What came of an upload.
+/// The result of an upload.
 #[derive(Serialize, ToSchema)]
 pub struct Taken {
-    /// One ray set for each ray file: one, or as many as a packed file holds.
+    /// The ray sets: one, or one for each ray file in an archive.
     ray_sets: Vec<RaySet>,
-    /// What else was in a packed file, and why it is no ray set.
+    /// Other files in the archive, and why they were left out.
     left_out: Vec<LeftOut>,
 }
 
-/// Where a ray set is.
+/// Addresses that belong to a ray set.
 #[derive(Serialize, ToSchema)]
 pub struct RaySetLinks {
-    /// Itself.
+    /// Address of this object.
     #[serde(rename = "self")]
     this: String,
-    /// Where its rays start, drawn; null without an inspection or usable rays.
+    /// Drawing of the ray origins; null without an inspection or without usable rays.
     #[schema(required)]
     origins: Option<String>,
-    /// Where they go, drawn; likewise.
+    /// Drawing of the far-field intensity; null without an inspection or without usable rays.
     #[schema(required)]
     far_field: Option<String>,
 }
@@ -100,9 +100,9 @@ pub struct RaySetLinks {
 /// Ray sets, newest first.
 #[derive(Serialize, ToSchema)]
 pub struct RaySetList {
-    /// One page of them, their headers without texts: those may be long.
+    /// The entries of this page, without the texts of their headers, which may be long.
     ray_sets: Vec<RaySet>,
-    /// The `after` of the next page; null on the last.
+    /// The value of `after` for the next page; null on the last page.
     #[schema(required)]
     next: Option<String>,
 }
@@ -154,43 +154,44 @@ impl RaySet {
     }
 }
 
-/// Takes in a ray file, or those in a packed one
+/// Uploads a ray file, or an archive of ray files
 ///
-/// The body is the file. It is refused as soon as its beginning is wrong. A file that can be read is kept and inspected, ray by
-/// ray: whether a job would take it is `inspection.verdict`. A gzip, zstd or zip file is unpacked when all of it is there: each
-/// ray file in it is a ray set, and all become known together. What the query declares holds for every one of them.
+/// The body is the file. A file whose beginning is not that of a ray file is refused at once. A readable file is stored and
+/// inspected ray by ray; `inspection.verdict` says whether a job would accept it. A gzip, zstd or zip file is unpacked when all
+/// of it has arrived: each ray file in it becomes a ray set, all of them at the same moment. The declarations in the query apply
+/// to every one of these files.
 #[utoipa::path(
     post, path = "/v1/ray-sets", tag = "ray sets", operation_id = "upload_ray_set",
     params(
-        Sending,
-        ("Repr-Digest" = Option<String>, Header, description = "`sha-256=:<base64>:` (RFC 9530): verified when sent"),
-        ("Content-Digest" = Option<String>, Header, description = "as Repr-Digest"),
+        UploadQuery,
+        ("Repr-Digest" = Option<String>, Header, description = "`sha-256=:<base64>:` (RFC 9530); the service verifies it"),
+        ("Content-Digest" = Option<String>, Header, description = "the same as Repr-Digest"),
     ),
     request_body(content = inline(super::api::Binary), content_type = "application/octet-stream", description = "a ray file (IES TM-25, Zemax, LightTools, Speos, ASAP, TracePro, text in columns), as it is or packed with gzip, zstd or zip"),
     responses(
-        (status = 201, body = Taken, description = "taken in", headers(("Location" = String, description = "the ray set, or the list where there are several"))),
-        (status = 400, body = Problem, content_type = "application/problem+json", description = "malformed file, header or query; truncated body; wrong digest"),
-        (status = 408, body = Problem, content_type = "application/problem+json", description = "the upload fell silent"),
-        (status = 413, body = Problem, content_type = "application/problem+json", description = "larger than this service takes, or than there is quota for"),
-        (status = 415, body = Problem, content_type = "application/problem+json", description = "a form or an encoded body"),
-        (status = 422, body = Problem, content_type = "application/problem+json", description = "a file that is refused; an unusable query"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, stopping, or a store that does not answer"),
-        (status = 507, body = Problem, content_type = "application/problem+json", description = "no room for more"),
+        (status = 201, body = Taken, description = "the file is stored", headers(("Location" = String, description = "the address of the ray set, or of the list of ray sets where there are several"))),
+        (status = 400, body = Problem, content_type = "application/problem+json", description = "the file, a header or the query is malformed; the body is truncated; the digest does not match"),
+        (status = 408, body = Problem, content_type = "application/problem+json", description = "the client sent too few bytes or none for too long"),
+        (status = 413, body = Problem, content_type = "application/problem+json", description = "the file is larger than this service accepts, or than the storage quota of the tenant allows"),
+        (status = 415, body = Problem, content_type = "application/problem+json", description = "the body is an HTML form, or has a Content-Encoding"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "the file is refused, or the query is not valid"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy or stopping, or the database or the object store does not answer"),
+        (status = 507, body = Problem, content_type = "application/problem+json", description = "the service has no storage space for this"),
     )
 )]
 pub async fn upload(
     State(api): State<Api>,
     access: Access,
-    Query(sending): Query<Sending>,
+    Query(query): Query<UploadQuery>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response, Problem> {
     if api.draining.is_cancelled() {
         return Err(Problem::draining());
     }
-    let declared = sending.declaration()?;
-    let metadata = sending.metadata;
-    let mut announcement = Announcement { declared, metadata, ..announcement(sending.name, &headers, "rays")? };
+    let declared = query.declaration()?;
+    let metadata = query.metadata;
+    let mut announcement = Announcement { declared, metadata, ..announcement(query.name, &headers, "rays")? };
     if announcement.byte_count.is_some_and(|bytes| bytes > api.intake.max_bytes) {
         return Err(ray_sets::Error::TooLarge(api.intake.max_bytes).into());
     }
@@ -201,13 +202,13 @@ pub async fn upload(
     let taken =
         tokio::spawn(async move { api.intake.take(&access.tenant, announcement, body.into_data_stream()).await });
     let taken = taken.await.map_err(|error| {
-        tracing::error!(%error, "an upload stopped");
+        tracing::error!(%error, "the task of an upload panicked");
         Problem::internal()
     })??;
     known(&reader, taken).await
 }
 
-/// The answer to whoever brought these ray sets.
+/// The answer to the upload of these ray sets.
 pub(super) async fn known(api: &Api, taken: ray_sets::Taken) -> Result<Response, Problem> {
     let mut answer = Taken { ray_sets: Vec::new(), left_out: taken.left_out };
     for row in taken.ray_sets {
@@ -224,9 +225,9 @@ pub(super) async fn known(api: &Api, taken: ray_sets::Taken) -> Result<Response,
 #[utoipa::path(
     get, path = "/v1/ray-sets", tag = "ray sets", operation_id = "list_ray_sets", params(RaySetPage),
     responses(
-        (status = 200, body = RaySetList, description = "one page"),
-        (status = 422, body = Problem, content_type = "application/problem+json", description = "an unusable query"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 200, body = RaySetList, description = "one page of the list"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "the query is not valid"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn list(
@@ -246,42 +247,42 @@ pub async fn list(
     Ok(Json(RaySetList { ray_sets: rows.into_iter().map(RaySet::listed).collect(), next }))
 }
 
-/// Tells of a ray set
+/// Returns a ray set
 #[utoipa::path(
     get, path = "/v1/ray-sets/{id}", tag = "ray sets", operation_id = "get_ray_set",
     params(("id" = String, Path, description = "the ray set")),
     responses(
-        (status = 200, body = RaySet, description = "what is known of it"),
-        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 200, body = RaySet, description = "the ray set"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such ray set"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn get(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<Json<RaySet>, Problem> {
     Ok(Json(RaySet::inspected(&api, find(&api, &access, &id).await?).await?))
 }
 
-/// The ray set `id` of whoever asks, or 404.
+/// The ray set `id` of the tenant of the request, or 404.
 async fn find(api: &Api, access: &Access, id: &str) -> Result<rows::RaySet, Problem> {
     let row = rows::get(&api.storage.records, &access.tenant, id).await?;
     row.ok_or_else(|| Problem::no_ray_set(id))
 }
 
-/// Draws where the rays of a ray set start
+/// Draws the origins of the rays of a ray set
 ///
-/// Three projections on one scale, mm; density of a sample of the origins.
+/// The drawing shows three projections on one scale, mm: the density of a sample of the ray origins.
 #[utoipa::path(
     get, path = "/v1/ray-sets/{id}/origins.svg", tag = "ray sets", operation_id = "get_origins_drawing",
     params(
         ("id" = String, Path, description = "the ray set"),
-        ("If-None-Match" = Option<String>, Header, description = "entity tags the client has"),
-        ("If-Match" = Option<String>, Header, description = "entity tags one of which it must have"),
+        ("If-None-Match" = Option<String>, Header, description = "entity tags of the copies that the client has; 304 if one of them is current"),
+        ("If-Match" = Option<String>, Header, description = "entity tags, one of which the file must have; otherwise 412"),
     ),
     responses(
-        (status = 200, content((String = "image/svg+xml"), (inline(super::api::Binary) = "application/octet-stream")), description = "the drawing; as plain bytes where `Accept` names only application/octet-stream", headers(("ETag" = String, description = "its SHA-256"))),
-        (status = 304, description = "the client has it"),
+        (status = 200, content((String = "image/svg+xml"), (inline(super::api::Binary) = "application/octet-stream")), description = "the drawing as SVG; as application/octet-stream where `Accept` names only that", headers(("ETag" = String, description = "the SHA-256 of the file"))),
+        (status = 304, description = "the copy of the client is current"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such ray set or drawing"),
-        (status = 412, body = Problem, content_type = "application/problem+json", description = "it has another entity tag than `If-Match` names"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 412, body = Problem, content_type = "application/problem+json", description = "the file does not have an entity tag that `If-Match` names"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn origins(
@@ -293,22 +294,22 @@ pub async fn origins(
     drawing(&api, &access, &id, ORIGINS, &headers).await
 }
 
-/// Draws where the rays of a ray set go
+/// Draws the far-field intensity of a ray set
 ///
-/// Intensity in the planes C0-180 and C90-270 about the main direction, in bins of 5° by 10°.
+/// The drawing shows the intensity in the planes C0-180 and C90-270 about the main direction, in bins of 5° by 10°.
 #[utoipa::path(
     get, path = "/v1/ray-sets/{id}/far-field.svg", tag = "ray sets", operation_id = "get_far_field_drawing",
     params(
         ("id" = String, Path, description = "the ray set"),
-        ("If-None-Match" = Option<String>, Header, description = "entity tags the client has"),
-        ("If-Match" = Option<String>, Header, description = "entity tags one of which it must have"),
+        ("If-None-Match" = Option<String>, Header, description = "entity tags of the copies that the client has; 304 if one of them is current"),
+        ("If-Match" = Option<String>, Header, description = "entity tags, one of which the file must have; otherwise 412"),
     ),
     responses(
-        (status = 200, content((String = "image/svg+xml"), (inline(super::api::Binary) = "application/octet-stream")), description = "the drawing; as plain bytes where `Accept` names only application/octet-stream", headers(("ETag" = String, description = "its SHA-256"))),
-        (status = 304, description = "the client has it"),
+        (status = 200, content((String = "image/svg+xml"), (inline(super::api::Binary) = "application/octet-stream")), description = "the drawing as SVG; as application/octet-stream where `Accept` names only that", headers(("ETag" = String, description = "the SHA-256 of the file"))),
+        (status = 304, description = "the copy of the client is current"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such ray set or drawing"),
-        (status = 412, body = Problem, content_type = "application/problem+json", description = "it has another entity tag than `If-Match` names"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 412, body = Problem, content_type = "application/problem+json", description = "the file does not have an entity tag that `If-Match` names"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn far_field(
@@ -332,17 +333,17 @@ async fn drawing(api: &Api, access: &Access, id: &str, name: &str, headers: &Hea
     }
     let known = asked == Wanted::Nothing;
     let mut response = if known { StatusCode::NOT_MODIFIED.into_response() } else { svg.into_response() };
-    let told = response.headers_mut();
-    told.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
+    let headers = response.headers_mut();
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
     if let Ok(etag) = HeaderValue::try_from(etag) {
-        told.insert(header::ETAG, etag);
+        headers.insert(header::ETAG, etag);
     }
     if !known {
         let media_type = media_type(headers, SVG);
-        told.insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type));
-        told.insert(header::VARY, HeaderValue::from_static("accept"));
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type));
+        headers.insert(header::VARY, HeaderValue::from_static("accept"));
         if let Ok(disposition) = HeaderValue::try_from(disposition(name, media_type)) {
-            told.insert(header::CONTENT_DISPOSITION, disposition);
+            headers.insert(header::CONTENT_DISPOSITION, disposition);
         }
     }
     Ok(response)
@@ -355,10 +356,10 @@ async fn drawing(api: &Api, access: &Access, id: &str, name: &str, headers: &Hea
     delete, path = "/v1/ray-sets/{id}", tag = "ray sets", operation_id = "delete_ray_set",
     params(("id" = String, Path, description = "the ray set")),
     responses(
-        (status = 204, description = "gone"),
-        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
-        (status = 409, body = Problem, content_type = "application/problem+json", description = "an unfinished job needs it"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "a store that does not answer"),
+        (status = 204, description = "the ray set is deleted"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such ray set"),
+        (status = 409, body = Problem, content_type = "application/problem+json", description = "an unfinished job needs it; cancel the job, or wait for its end"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the database or the object store does not answer"),
     )
 )]
 pub async fn delete(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<StatusCode, Problem> {

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 /// What the stores are asked as, all of them together.
 pub const STORES: &str = "stores";
 
-/// Whether the stores work, tried once for all who ask at the same time: a trial writes, and whoever asks has no key.
+/// Checks whether the stores work, with one trial for all requests at the same time: a trial writes, and the requests need no key.
 pub type Readiness = Together<Result<(), Problem>>;
 
 /// Tries these stores.

@@ -1,4 +1,4 @@
-//! `/v1/spectra`: spectra of channels, from files of their own.
+//! `/v1/spectra`: spectra of channels, read from spectrum files.
 
 use super::addresses::link;
 use super::api::Api;
@@ -22,40 +22,40 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 use utoipa::ToSchema;
 
-/// A spectrum file as it was read.
+/// A spectrum that the service has read from a file.
 #[derive(Serialize, ToSchema)]
 pub struct Spectrum {
-    /// Its identifier.
+    /// Identifier of this object.
     #[schema(format = Uuid)]
     id: String,
-    /// What it was called.
+    /// Name of the file.
     name: String,
     /// SHA-256 of the file, lower-case hex.
     sha256: String,
-    /// What the file is: two columns, LightTools .sre, Speos .spectrum.
+    /// Format of the file: two columns, LightTools .sre, Speos .spectrum.
     format: String,
-    /// Points of its table.
+    /// Number of points in the table.
     points: u64,
     /// First and last wavelength, nm.
     #[schema(value_type = NumberPair)]
     range_nm: (f64, f64),
-    /// Luminous efficacy of its radiation, lm/W.
+    /// Luminous efficacy of radiation of the spectrum, lm/W.
     lm_per_w: f64,
-    /// Its table: wavelength, nm, and spectral density, in the file's scale; null in lists.
+    /// The table: wavelength, nm, and spectral density, in the scale of the file; null in lists.
     #[schema(value_type = Option<Vec<NumberPair>>, required)]
     nm_value: Option<Vec<(f64, f64)>>,
-    /// What was repaired or odd.
+    /// Notices about data that was repaired or unusual.
     notices: Vec<StoredNotice>,
-    /// When it was read, epoch ms.
+    /// When the file was uploaded, epoch ms.
     created_ms: i64,
-    /// Where it is.
+    /// Addresses that belong to the spectrum.
     links: SpectrumLinks,
 }
 
-/// Where a spectrum is.
+/// Addresses that belong to a spectrum.
 #[derive(Serialize, ToSchema)]
 pub struct SpectrumLinks {
-    /// Itself.
+    /// Address of this object.
     #[serde(rename = "self")]
     this: String,
 }
@@ -63,9 +63,9 @@ pub struct SpectrumLinks {
 /// Spectra, newest first.
 #[derive(Serialize, ToSchema)]
 pub struct SpectrumList {
-    /// One page of them, without their tables.
+    /// The entries of this page, without their tables.
     spectra: Vec<Spectrum>,
-    /// The `after` of the next page; null on the last.
+    /// The value of `after` for the next page; null on the last page.
     #[schema(required)]
     next: Option<String>,
 }
@@ -88,25 +88,25 @@ impl From<spectra::Spectrum> for Spectrum {
     }
 }
 
-/// Takes in a spectrum file
+/// Uploads a spectrum file
 ///
 /// The body is the file: text of two columns (wavelength in nm or µm, spectral density) under any header, LightTools .sre, Zemax
-/// .spcd or Speos .spectrum 1.0. Jobs name it as the spectrum of a channel.
+/// .spcd or Speos .spectrum 1.0. A job names the spectrum as that of a channel.
 #[utoipa::path(
     post, path = "/v1/spectra", tag = "spectra", operation_id = "upload_spectrum",
     params(
         Naming,
-        ("Repr-Digest" = Option<String>, Header, description = "`sha-256=:<base64>:` (RFC 9530): verified when sent"),
-        ("Content-Digest" = Option<String>, Header, description = "as Repr-Digest"),
+        ("Repr-Digest" = Option<String>, Header, description = "`sha-256=:<base64>:` (RFC 9530); the service verifies it"),
+        ("Content-Digest" = Option<String>, Header, description = "the same as Repr-Digest"),
     ),
     request_body(content = inline(super::api::Binary), content_type = "application/octet-stream", description = "a spectrum, at most 1 MiB"),
     responses(
-        (status = 201, body = Spectrum, description = "taken in", headers(("Location" = String, description = "the spectrum"))),
-        (status = 400, body = Problem, content_type = "application/problem+json", description = "malformed file, header or query; truncated body; wrong digest"),
-        (status = 413, body = Problem, content_type = "application/problem+json", description = "larger than a spectrum is, or than there is quota for"),
-        (status = 415, body = Problem, content_type = "application/problem+json", description = "a form or an encoded body"),
-        (status = 422, body = Problem, content_type = "application/problem+json", description = "a file that is refused; an unusable query"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, stopping, or a store that does not answer"),
+        (status = 201, body = Spectrum, description = "the file is stored", headers(("Location" = String, description = "the spectrum"))),
+        (status = 400, body = Problem, content_type = "application/problem+json", description = "the file, a header or the query is malformed; the body is truncated; the digest does not match"),
+        (status = 413, body = Problem, content_type = "application/problem+json", description = "the file is larger than a spectrum may be, or than the storage quota of the tenant allows"),
+        (status = 415, body = Problem, content_type = "application/problem+json", description = "the body is an HTML form, or has a Content-Encoding"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "the file is refused, or the query is not valid"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy or stopping, or the database or the object store does not answer"),
     )
 )]
 pub async fn upload(
@@ -133,7 +133,7 @@ pub async fn upload(
     let notices: Vec<StoredNotice> = read.notices.iter().map(StoredNotice::from).collect();
     let json = |text: serde_json::Result<String>| {
         text.map_err(|error| {
-            tracing::error!(%error, "a spectrum cannot be written");
+            tracing::error!(%error, "cannot write a spectrum as JSON");
             Problem::internal()
         })
     };
@@ -159,9 +159,9 @@ pub async fn upload(
 #[utoipa::path(
     get, path = "/v1/spectra", tag = "spectra", operation_id = "list_spectra", params(Page),
     responses(
-        (status = 200, body = SpectrumList, description = "one page"),
-        (status = 422, body = Problem, content_type = "application/problem+json", description = "an unusable query"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 200, body = SpectrumList, description = "one page of the list"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "the query is not valid"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn list(
@@ -175,14 +175,14 @@ pub async fn list(
     Ok(Json(SpectrumList { spectra: rows.into_iter().map(Spectrum::from).collect(), next }))
 }
 
-/// Tells of a spectrum
+/// Returns a spectrum
 #[utoipa::path(
     get, path = "/v1/spectra/{id}", tag = "spectra", operation_id = "get_spectrum",
     params(("id" = String, Path, description = "the spectrum")),
     responses(
-        (status = 200, body = Spectrum, description = "what is known of it, and its table"),
-        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 200, body = Spectrum, description = "the spectrum with its table"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such spectrum"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn get(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<Json<Spectrum>, Problem> {
@@ -197,10 +197,10 @@ pub async fn get(State(api): State<Api>, access: Access, Path(id): Path<String>)
     delete, path = "/v1/spectra/{id}", tag = "spectra", operation_id = "delete_spectrum",
     params(("id" = String, Path, description = "the spectrum")),
     responses(
-        (status = 204, description = "gone"),
-        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
-        (status = 409, body = Problem, content_type = "application/problem+json", description = "an unfinished job needs it"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "a store that does not answer"),
+        (status = 204, description = "the spectrum is deleted"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such spectrum"),
+        (status = 409, body = Problem, content_type = "application/problem+json", description = "an unfinished job needs it; cancel the job, or wait for its end"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the database or the object store does not answer"),
     )
 )]
 pub async fn delete(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<StatusCode, Problem> {

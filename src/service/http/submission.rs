@@ -1,4 +1,4 @@
-//! `POST /v1/jobs`: how a job is asked for, once, again, or only to know what it would come to.
+//! `POST /v1/jobs`: submits a job, repeats a submission, or estimates a job.
 
 use super::api::Api;
 use super::extract::{Body, Query};
@@ -6,7 +6,7 @@ use super::job::{Job, find, location};
 use super::problem::Problem;
 use super::upload_request::MAX_NAME_CHARS;
 use crate::accounts::access::Access;
-use crate::jobs::estimate::Prospect;
+use crate::jobs::estimate::JobPlan;
 use crate::jobs::query;
 use crate::jobs::request::NewJob;
 use crate::jobs::submit::{Keyed, Queued};
@@ -24,36 +24,36 @@ const MAX_KEY_CHARS: usize = 255;
 /// The header that names a request, so that it can be repeated.
 const IDEMPOTENCY_KEY: &str = "idempotency-key";
 
-/// What a job would come to.
+/// Estimate of a job.
 #[derive(Serialize, ToSchema)]
 pub struct JobEstimate {
-    /// Rays of its files together, as their headers tell.
+    /// Number of rays in all files together, as their headers say.
     ray_count: u64,
-    /// Their length, bytes.
+    /// Length of all ray files together, bytes.
     byte_count: u64,
-    /// Most memory that computing it is expected to need, bytes.
+    /// Expected peak memory of the computation, bytes.
     memory_bytes: u64,
-    /// What all jobs that a process computes may need together, bytes.
+    /// Memory that all jobs of one process may use together, bytes.
     memory_limit_bytes: u64,
-    /// False: it would be refused with `job.too_large`.
+    /// Whether the job fits into the memory of the service; if not, it would be refused with `job.too_large`.
     fits: bool,
-    /// The equal job that it would be answered with; null where there is none, or `reuse` is false.
+    /// Identifier of the equal job that the request would be answered with; null if there is none, or if `reuse` is false.
     #[schema(required, format = Uuid)]
     reuses: Option<String>,
-    /// How long computing it may take, s, by the service's latest jobs; null while there are none.
+    /// Expected time of the computation, s, judged by the latest jobs of the service; null if there were none.
     #[schema(required)]
     seconds: Option<f64>,
-    /// Jobs of the tenant's line that come before it.
+    /// Number of queued jobs of the tenant that come before this one.
     jobs_ahead: u64,
 }
 
-/// What is answered with 200.
+/// An existing job or an estimate: the body of the answer with status 200.
 #[derive(Serialize, ToSchema)]
 #[serde(untagged)]
 pub enum JobOrEstimate {
-    /// An equal job that was there before.
+    /// An equal job that existed before.
     Job(Box<Job>),
-    /// What it would come to.
+    /// The estimate of a job.
     Estimate(JobEstimate),
 }
 
@@ -62,7 +62,7 @@ pub enum JobOrEstimate {
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct Asking {
-    /// Only tell what it would come to: everything is judged, nothing is queued.
+    /// Check the request and answer with an estimate of the job; queue nothing.
     #[serde(default)]
     #[param(default = false)]
     dry_run: bool,
@@ -70,36 +70,39 @@ pub struct Asking {
 
 /// Queues a job
 ///
-/// Answered as soon as the job is safe: it will be done, whatever happens to this process. Channels that cannot be one source
-/// (unknown units, W beside lm without a spectrum, shares that do not add to 1) are refused here, at the field to change.
+/// The answer comes as soon as the job is stored durably: the job will be computed even if this process fails. Channels that
+/// cannot form one source (unknown units, W beside lm without a spectrum, shares that do not add up to 1) are refused here; `at`
+/// names the field to change.
 ///
-/// Where the tenant has an equal job that waits, runs or has succeeded, the answer is that job, with 200 and `reused`; the more
-/// urgent priority of the two holds, and the longer `timeout_s`; one that runs under a shorter one is not equal. Nor is one of other
-/// metadata, where the request has some: whoever looks for it by them finds it. `"reuse": false` makes a new one in any case.
+/// Where the tenant has an equal job that is queued, is running or has succeeded, the answer is that job, with status 200 and
+/// `reused`. That job then has the more urgent of the two priorities and, while it is queued, the longer of the two `timeout_s`.
+/// A running job with a shorter `timeout_s` is not equal. If the request has metadata, a job with other metadata is not equal
+/// either. `"reuse": false` always makes a new job.
 ///
-/// With an `Idempotency-Key` the request can be repeated for 24 hours: the answer has the same status and names the same job, as
-/// it is by then; once that job was deleted it is 410. With `dry_run=true` the answer is an estimate and the key means nothing.
+/// With an `Idempotency-Key`, the request can be repeated for 24 hours: the answer has the same status and shows the same job in
+/// its present state, or is 410 if the job was deleted. With `dry_run=true` the answer is an estimate, no job is queued, and the
+/// key has no effect.
 #[utoipa::path(
     post, path = "/v1/jobs", tag = "jobs", operation_id = "create_job", request_body = NewJob,
     params(
         Asking,
         ("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 257,
-         description = "the client's word for this request, 1 to 255 printable ASCII characters, quoted as draft-ietf-httpapi-idempotency-key-header has it or plain",
+         description = "a key that the client chooses for this request: 1 to 255 printable ASCII characters, plain or quoted (draft-ietf-httpapi-idempotency-key-header)",
          example = "\"8e03978e-40d5-43dd-bc93-6894a57f9324\""),
     ),
     responses(
-        (status = 200, body = JobOrEstimate, description = "an equal job, or what it would come to", headers(
-            ("Location" = String, description = "the job; not for an estimate"))),
-        (status = 202, body = Job, description = "accepted", headers(
-            ("Location" = String, description = "the job"), ("Retry-After" = u64, description = "when to look, s"))),
-        (status = 400, body = Problem, content_type = "application/problem+json", description = "not JSON, or a key that is none"),
+        (status = 200, body = JobOrEstimate, description = "an equal job that existed before, or the estimate that `dry_run` asks for", headers(
+            ("Location" = String, description = "the address of the job; absent for an estimate"))),
+        (status = 202, body = Job, description = "the job is queued", headers(
+            ("Location" = String, description = "the job"), ("Retry-After" = u64, description = "the seconds to wait before asking for the state of the job"))),
+        (status = 400, body = Problem, content_type = "application/problem+json", description = "the body is not JSON, or the Idempotency-Key is malformed"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such ray set or spectrum"),
-        (status = 410, body = Problem, content_type = "application/problem+json", description = "the job that the key made was deleted"),
-        (status = 413, body = Problem, content_type = "application/problem+json", description = "the body is too large, or the quota of bytes is used"),
-        (status = 415, body = Problem, content_type = "application/problem+json", description = "not JSON by its Content-Type"),
-        (status = 429, body = Problem, content_type = "application/problem+json", description = "as many jobs of the tenant wait as may, or too many requests of this key"),
-        (status = 422, body = Problem, content_type = "application/problem+json", description = "unknown field, wrong type, out of range; channels that cannot be one source; more memory than there is; a key used for another request"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, stopping, or a store that does not answer"),
+        (status = 410, body = Problem, content_type = "application/problem+json", description = "the job that was made with this Idempotency-Key was deleted"),
+        (status = 413, body = Problem, content_type = "application/problem+json", description = "the body is too large, or the tenant has used its storage quota"),
+        (status = 415, body = Problem, content_type = "application/problem+json", description = "the Content-Type is not application/json"),
+        (status = 429, body = Problem, content_type = "application/problem+json", description = "the tenant has reached its quota of queued jobs, or this API key made too many requests"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "a field is unknown, of the wrong type or out of range; the channels cannot form one source; the job needs more memory than the service has; the Idempotency-Key was used for another request"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy or stopping, or the database or the object store does not answer"),
     )
 )]
 pub async fn create(
@@ -120,11 +123,11 @@ pub async fn create(
         return Err(Problem::draining());
     }
     in_range(&api, &new)?;
-    let prospect = api.queue.prospect(&access.tenant, &new).await?;
+    let plan = api.queue.plan(&access.tenant, &new).await?;
     if asking.dry_run {
-        return Ok(Json(estimate(&api, &access, &new, &prospect).await?).into_response());
+        return Ok(Json(estimate(&api, &access, &new, &plan).await?).into_response());
     }
-    let queued = api.queue.enqueue(&access.tenant, &new, &prospect, keyed.as_ref()).await?;
+    let queued = api.queue.enqueue(&access.tenant, &new, &plan, keyed.as_ref()).await?;
     // Ties the job to the request that asked for it.
     tracing::info!(job = queued.id, reused = queued.reused, "job queued");
     answer(&api, &access, queued).await
@@ -151,16 +154,16 @@ async fn answer(api: &Api, access: &Access, Queued { id, reused }: Queued) -> Re
     Ok(location(if reused { StatusCode::OK } else { StatusCode::ACCEPTED }, job))
 }
 
-async fn estimate(api: &Api, access: &Access, new: &NewJob, prospect: &Prospect) -> Result<JobEstimate, Problem> {
+async fn estimate(api: &Api, access: &Access, new: &NewJob, plan: &JobPlan) -> Result<JobEstimate, Problem> {
     let (records, tenant) = (&api.storage.records, access.tenant.as_str());
-    let seconds = query::seconds_per_ray(records).await?.map(|per_ray| per_ray * prospect.ray_count as f64);
+    let seconds = query::seconds_per_ray(records).await?.map(|per_ray| per_ray * plan.ray_count as f64);
     Ok(JobEstimate {
-        ray_count: prospect.ray_count,
-        byte_count: prospect.byte_count,
-        memory_bytes: prospect.memory_bytes,
+        ray_count: plan.ray_count,
+        byte_count: plan.byte_count,
+        memory_bytes: plan.memory_bytes,
         memory_limit_bytes: api.queue.memory().limit_bytes(),
-        fits: api.queue.memory().admit(prospect.memory_bytes).is_ok(),
-        reuses: api.queue.equal(tenant, new, prospect).await?,
+        fits: api.queue.memory().check_fits(plan.memory_bytes).is_ok(),
+        reuses: api.queue.equal(tenant, new, plan).await?,
         seconds,
         jobs_ahead: query::ahead(records, tenant, new.priority).await?,
     })
@@ -172,7 +175,7 @@ fn key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
     let Some(value) = values.next() else { return Ok(None) };
     let wrong = |found: &str| Err(Problem::malformed_header("Idempotency-Key", found));
     if values.next().is_some() {
-        return wrong("It came more than once.");
+        return wrong("The request has this header more than once.");
     }
     let text = value.to_str().map(str::trim).unwrap_or_default();
     let key = match text.strip_prefix('"') {
@@ -185,7 +188,7 @@ fn key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
         {
             Ok(Some(key))
         }
-        _ => wrong("It is not 1 to 255 printable ASCII characters, plain or between quotes."),
+        _ => wrong("The value is not 1 to 255 printable ASCII characters, plain or between quotes."),
     }
 }
 

@@ -1,8 +1,9 @@
-//! tus 1.0.0 (tus.io/protocols/resumable-upload): its headers, read and written, and what holds for every request and answer.
+//! The protocol tus 1.0.0 (tus.io/protocols/resumable-upload): reads and writes its headers, and applies its rules for every
+//! request and answer.
 
 use super::api::Api;
 use super::problem::Problem;
-use super::upload_request::Sending;
+use super::upload_request::UploadQuery;
 use crate::uploads::checksum::{ALGORITHMS, Checksum};
 use crate::uploads::rows::{Concat, PARTIAL};
 use axum::extract::{Request, State};
@@ -14,9 +15,9 @@ use base64::engine::general_purpose::STANDARD as BASE64;
 use serde_json::{Map, Value};
 use std::time::{Duration, SystemTime};
 
-/// Where uploads are that speak it.
+/// Path of the resumable uploads.
 pub const PATH: &str = "/v1/uploads";
-/// The media type of bytes that are added to an upload.
+/// Media type of the bytes that a request appends to an upload.
 pub const MEDIA_TYPE: &str = "application/offset+octet-stream";
 /// The same bytes from clients that were generated from the contract: their generators know no other type of bytes.
 pub const PLAIN_TYPE: &str = "application/octet-stream";
@@ -27,29 +28,29 @@ const EXTENSIONS: &str =
 /// Most partial uploads that a final one is made of; a piece named several times counts as often.
 const MAX_PARTIALS: usize = 100;
 
-/// Which version a request or an answer speaks.
+/// Version of tus of a request or an answer.
 pub const RESUMABLE: HeaderName = HeaderName::from_static("tus-resumable");
-/// How much is there, or where a request goes on, bytes.
+/// Number of bytes received, or the offset that a request continues at.
 pub const OFFSET: HeaderName = HeaderName::from_static("upload-offset");
-/// Length of the whole, bytes.
+/// Length of the whole file, bytes.
 pub const LENGTH: HeaderName = HeaderName::from_static("upload-length");
-/// `1`: the length is said later.
+/// `1`: a later request gives the length.
 pub const DEFER_LENGTH: HeaderName = HeaderName::from_static("upload-defer-length");
-/// What is said of the file.
+/// Metadata of the file.
 pub const METADATA: HeaderName = HeaderName::from_static("upload-metadata");
-/// When the upload is forgotten.
+/// When the upload expires.
 pub const EXPIRES: HeaderName = HeaderName::from_static("upload-expires");
-/// Whether the upload is a piece of a file, or made of pieces.
+/// Whether the upload is a partial upload, or a final upload made of partial ones.
 pub const CONCAT: HeaderName = HeaderName::from_static("upload-concat");
 const METHOD_OVERRIDE: HeaderName = HeaderName::from_static("x-http-method-override");
-/// What the bytes of a request are, by a digest.
+/// Checksum of the bytes of a request.
 pub const CHECKSUM: HeaderName = HeaderName::from_static("upload-checksum");
 const VERSIONS: HeaderName = HeaderName::from_static("tus-version");
 const EXTENSION: HeaderName = HeaderName::from_static("tus-extension");
 const MAX_SIZE: HeaderName = HeaderName::from_static("tus-max-size");
 const CHECKSUM_ALGORITHM: HeaderName = HeaderName::from_static("tus-checksum-algorithm");
 
-/// What pages of other origins may see of an answer.
+/// Headers of an answer that web pages of other origins may read.
 pub const SEEN: [HeaderName; 11] = [
     RESUMABLE,
     OFFSET,
@@ -64,9 +65,9 @@ pub const SEEN: [HeaderName; 11] = [
     CHECKSUM_ALGORITHM,
 ];
 
-/// A request with the method that it means, as tus has it for clients that cannot say PATCH or DELETE. Before its route is
-/// chosen.
-pub async fn meant(mut request: Request) -> Request {
+/// Replaces the method of a request by that in `X-HTTP-Method-Override`, which tus has for clients that cannot send PATCH or
+/// DELETE. Must run before the route is chosen.
+pub async fn override_method(mut request: Request) -> Request {
     if is_ours(request.uri().path())
         && let Some(Ok(method)) = method_override(&request)
     {
@@ -75,18 +76,18 @@ pub async fn meant(mut request: Request) -> Request {
     request
 }
 
-/// Whether a path is one of those that speak it.
+/// Whether a path belongs to the resumable uploads.
 pub fn is_ours(path: &str) -> bool {
     path == PATH || path.strip_prefix(PATH).is_some_and(|rest| rest.starts_with('/'))
 }
 
 fn method_override(request: &Request) -> Option<Result<Method, Problem>> {
     let said = request.headers().get(METHOD_OVERRIDE)?;
-    let wrong = |_| Problem::malformed_header(METHOD_OVERRIDE.as_str(), "It is not a method.");
+    let wrong = |_| Problem::malformed_header(METHOD_OVERRIDE.as_str(), "The value is not an HTTP method.");
     Some(Method::from_bytes(said.as_bytes()).map_err(wrong))
 }
 
-/// Answers what the service can do (OPTIONS), refuses other versions, and names ours in every answer.
+/// Answers OPTIONS with the supported extensions, refuses other versions of tus, and names the version in every answer.
 pub async fn speak(State(api): State<Api>, request: Request, next: Next) -> Response {
     if !is_ours(request.uri().path()) {
         return next.run(request).await;
@@ -110,10 +111,11 @@ pub async fn speak(State(api): State<Api>, request: Request, next: Next) -> Resp
 }
 
 fn abilities(max_bytes: u64) -> Response {
-    let told = [(VERSIONS, VERSION.to_owned()), (EXTENSION, EXTENSIONS.to_owned()), (MAX_SIZE, max_bytes.to_string())];
-    let told = told.into_iter().chain([(CHECKSUM_ALGORITHM, ALGORITHMS.join(","))]);
+    let headers =
+        [(VERSIONS, VERSION.to_owned()), (EXTENSION, EXTENSIONS.to_owned()), (MAX_SIZE, max_bytes.to_string())];
+    let headers = headers.into_iter().chain([(CHECKSUM_ALGORITHM, ALGORITHMS.join(","))]);
     let mut response = StatusCode::NO_CONTENT.into_response();
-    for (name, value) in told {
+    for (name, value) in headers {
         tell(response.headers_mut(), name, &value);
     }
     response
@@ -131,7 +133,7 @@ fn spoken(request: &Request) -> Result<(), Problem> {
     }
 }
 
-/// Whether anything is behind its method: where nothing is, that is what it is told, in any version.
+/// Whether the request has a route: without one, it is answered with 404 or 405 in any version of tus.
 fn is_route(request: &Request) -> bool {
     let is_list = request.uri().path() == PATH;
     match *request.method() {
@@ -149,7 +151,7 @@ pub fn tell(headers: &mut HeaderMap, name: HeaderName, value: &str) {
     }
 }
 
-/// A moment as headers write it.
+/// A time in the format of HTTP headers.
 pub fn date(epoch_ms: i64) -> String {
     httpdate::fmt_http_date(SystemTime::UNIX_EPOCH + Duration::from_millis(epoch_ms.max(0).unsigned_abs()))
 }
@@ -158,18 +160,18 @@ fn text<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Option<&'a str> {
     headers.get(name).map(|value| value.to_str().unwrap_or("?"))
 }
 
-/// A header that counts bytes.
+/// Reads a header whose value is a number of bytes.
 ///
 /// # Errors
 /// `request.malformed_header`.
 pub fn bytes(headers: &HeaderMap, name: &HeaderName) -> Result<Option<u64>, Problem> {
-    let wrong = || Problem::malformed_header(name.as_str(), "It is not a number of bytes.");
+    let wrong = || Problem::malformed_header(name.as_str(), "The value is not a number of bytes.");
     // A number of a row is signed.
     let read = |text: &str| text.parse().ok().filter(|bytes| *bytes <= i64::MAX.unsigned_abs()).ok_or_else(wrong);
     text(headers, name).map(read).transpose()
 }
 
-/// The length that an upload begins with; `None` when it is said later.
+/// The length of a new upload; `None` if a later request gives it.
 ///
 /// # Errors
 /// `request.malformed_header`: neither or both are said.
@@ -178,13 +180,13 @@ pub fn length(headers: &HeaderMap) -> Result<Option<u64>, Problem> {
         (Some(length), None) => Ok(Some(length)),
         (None, Some("1")) => Ok(None),
         _ => {
-            let detail = "Say either Upload-Length or Upload-Defer-Length: 1.";
+            let detail = "The request must have either Upload-Length or Upload-Defer-Length: 1.";
             Err(Problem::malformed_header(LENGTH.as_str(), detail))
         }
     }
 }
 
-/// Whether an upload is to be a piece of a file, or made of pieces.
+/// Reads `Upload-Concat`: whether a new upload is whole, partial or final.
 ///
 /// # Errors
 /// `request.malformed_header`, `request.out_of_range`: too many pieces.
@@ -195,16 +197,14 @@ pub fn concat(headers: &HeaderMap) -> Result<Concat, Problem> {
     }
     let wrong = |detail: &str| Problem::malformed_header(CONCAT.as_str(), detail);
     let list = sent.strip_prefix("final;").ok_or_else(|| {
-        wrong(
-            "It is neither partial nor final, a semicolon and the addresses of partial uploads, a space between them.",
-        )
+        wrong("The value is neither partial nor final; with the addresses of partial uploads, separated by spaces.")
     })?;
     let partials: Option<Vec<String>> = list.split(' ').filter(|url| !url.is_empty()).map(upload_id).collect();
     match partials {
-        None => {
-            Err(wrong("It names something else than uploads: each address ends in /v1/uploads/ and an identifier."))
-        }
-        Some(none) if none.is_empty() => Err(wrong("It names no partial upload.")),
+        None => Err(wrong(
+            "The value names addresses that are not uploads: each must end in /v1/uploads/ and an identifier.",
+        )),
+        Some(none) if none.is_empty() => Err(wrong("The value names no partial upload.")),
         Some(many) if many.len() > MAX_PARTIALS => {
             Err(Problem::out_of_range(CONCAT.as_str(), &format!("final; and at most {MAX_PARTIALS} partial uploads")))
         }
@@ -226,14 +226,15 @@ fn upload_id(url: &str) -> Option<String> {
     (is_ours && is_id).then(|| id.to_owned())
 }
 
-/// What is said of the bytes of a request.
+/// Reads the checksum of the bytes of a request.
 ///
 /// # Errors
 /// `request.malformed_header`.
 pub fn checksum(headers: &HeaderMap) -> Result<Option<Checksum>, Problem> {
     let Some(value) = text(headers, &CHECKSUM) else { return Ok(None) };
     let wrong = || {
-        let detail = format!("It is not one of {}, a space and a digest in base64.", ALGORITHMS.join(", "));
+        let detail =
+            format!("The value is not one of {}, followed by a space and a digest in base64.", ALGORITHMS.join(", "));
         Problem::malformed_header(CHECKSUM.as_str(), &detail)
     };
     let (algorithm, digest) = value.split_once(' ').ok_or_else(wrong)?;
@@ -241,18 +242,18 @@ pub fn checksum(headers: &HeaderMap) -> Result<Option<Checksum>, Problem> {
     Checksum::new(algorithm, digest).map(Some).ok_or_else(wrong)
 }
 
-/// `Upload-Metadata`, read.
+/// The parsed `Upload-Metadata`.
 #[derive(Default)]
 pub struct Metadata {
-    /// As it was sent.
+    /// The header as the client sent it.
     pub sent: String,
-    /// The name and what is declared, in the words of the query that files are sent with.
-    pub sending: Sending,
-    /// SHA-256 of the whole, lower-case hex.
+    /// The name and the declarations, the same as in the query of `POST /v1/ray-sets`.
+    pub query: UploadQuery,
+    /// SHA-256 of the whole file, lower-case hex.
     pub sha256: Option<String>,
 }
 
-/// What is said of the whole file. Keys that mean nothing here are kept and not judged: clients have their own.
+/// Reads `Upload-Metadata`. Keys that the service does not know are kept and not checked, because clients have their own.
 ///
 /// # Errors
 /// `request.malformed_header`; what the query of a plain upload is refused for.
@@ -266,7 +267,7 @@ pub fn metadata(headers: &HeaderMap) -> Result<Metadata, Problem> {
         if ["filename", "name", "sha256", "length_unit", "quantity", "columns", "metadata"].contains(&key) {
             let value = String::from_utf8(value).map_err(|_| wrong(&format!("The value of {key} is not UTF-8.")))?;
             if known.insert(key.to_owned(), Value::String(value)).is_some() {
-                return Err(wrong(&format!("{key} is said twice.")));
+                return Err(wrong(&format!("The key {key} occurs twice.")));
             }
         }
     }
@@ -277,9 +278,9 @@ pub fn metadata(headers: &HeaderMap) -> Result<Metadata, Problem> {
     if let Some(name) = known.remove("filename") {
         known.insert("name".to_owned(), name);
     }
-    let sending: Sending = serde_path_to_error::deserialize(Value::Object(known))
+    let query: UploadQuery = serde_path_to_error::deserialize(Value::Object(known))
         .map_err(|error| Problem::wrong_shape(&error.path().to_string(), &error.inner().to_string()))?;
-    Ok(Metadata { sent: sent.to_owned(), sending, sha256 })
+    Ok(Metadata { sent: sent.to_owned(), query, sha256 })
 }
 
 #[cfg(test)]
@@ -296,13 +297,13 @@ mod tests {
         // The example of the protocol's chapter on creation, and the digest of FIPS 180-2, B.1, in capitals.
         let sent = "filename d29ybGRfZG9taW5hdGlvbl9wbGFuLnBkZg==,is_confidential";
         let read = metadata(&headers(&[("upload-metadata", sent)])).unwrap();
-        assert_eq!((read.sent.as_str(), read.sending.name.as_deref()), (sent, Some("world_domination_plan.pdf")));
+        assert_eq!((read.sent.as_str(), read.query.name.as_deref()), (sent, Some("world_domination_plan.pdf")));
         let hex = "BA7816BF8F01CFEA414140DE5DAE2223B00361A396177A9CB410FF61F20015AD";
         let sent = format!("name bGVkLmRhdA==, length_unit bW0=,sha256 {}", BASE64.encode(hex));
         let read = metadata(&headers(&[("upload-metadata", &sent)])).unwrap();
         assert_eq!(read.sha256, Some(hex.to_lowercase()));
-        assert_eq!(read.sending.name.as_deref(), Some("led.dat"));
-        let declared = serde_json::to_value(read.sending.declaration().unwrap()).unwrap();
+        assert_eq!(read.query.name.as_deref(), Some("led.dat"));
+        let declared = serde_json::to_value(read.query.declaration().unwrap()).unwrap();
         assert_eq!(declared, serde_json::json!({"length_unit": "mm"}));
         for (wrong, code) in [
             ("filename ?", "request.malformed_header"),

@@ -1,4 +1,4 @@
-//! The queries that files are sent with, a name and how to read a ray file that does not say, and those they are found by.
+//! The query parameters of uploads (name, declarations, metadata) and of the list of ray sets.
 
 use super::extract::Page;
 use super::problem::{Problem, SEND_THE_FILE};
@@ -11,44 +11,46 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use serde::Deserialize;
 
-/// Longest name of anything.
+/// Longest name of a file, a channel or a spectrum, characters.
 pub const MAX_NAME_CHARS: usize = 255;
 
-/// How an upload is called.
+/// The query parameter that names an uploaded file.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct Naming {
-    /// What to call it; goes before `Content-Disposition`, decides nothing.
+    /// The name of the file, for display only; overrides the name in `Content-Disposition`.
     #[param(max_length = 255)]
     pub name: Option<String>,
 }
 
-/// How a ray file is called, and what is declared of it or of every file in it.
+/// The query parameters of an upload of a ray file: its name, its metadata, and declarations about it or about every file in an
+/// archive.
 #[derive(Debug, Default, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
-pub struct Sending {
-    /// What to call it; goes before `Content-Disposition`, decides nothing.
+pub struct UploadQuery {
+    /// The name of the file, for display only; overrides the name in `Content-Disposition`.
     #[param(max_length = 255)]
     pub name: Option<String>,
-    /// Unit of its positions; goes before the file's own word.
+    /// The length unit of the positions in the file; overrides what the file says.
     length_unit: Option<LengthUnit>,
-    /// What its flux values are, W or lm; goes before the file's own word.
+    /// Whether the flux values in the file are radiant (W) or luminous (lm); overrides what the file says.
     quantity: Option<QuantityName>,
-    /// What stands in each column, for text in columns only, with commas between: x, y, z, l, m, n, flux, radiant_flux,
-    /// luminous_flux, wavelength_nm, wavelength_um, tristimulus_x, tristimulus_z, ignored.
+    /// The meaning of each column, separated by commas, for files that are text in columns only: x, y, z, l, m, n, flux,
+    /// radiant_flux, luminous_flux, wavelength_nm, wavelength_um, tristimulus_x, tristimulus_z, ignored.
     #[param(example = "x,y,z,l,m,n,flux")]
     columns: Option<String>,
-    /// The client's own keys and values, as a JSON object of texts: at most 16 and 4096 bytes in all; keys of 1 to 64 of A-Z, a-z,
-    /// 0-9, _, . and -; values of at most 512 characters. Every ray set that comes of it has them.
+    /// The client's own metadata, as a JSON object of strings: at most 16 entries and 4096 bytes in all; keys of 1 to 64
+    /// characters of A-Z, a-z, 0-9, _, . and -; values of at most 512 characters. Every ray set that is made of the file gets
+    /// them.
     #[param(value_type = Option<String>, example = "{\"order\":\"4711\"}")]
     #[serde(default, deserialize_with = "Metadata::from_text")]
     pub metadata: Metadata,
 }
 
-impl Sending {
-    /// What it declares.
+impl UploadQuery {
+    /// The declarations of the query.
     ///
     /// # Errors
     /// `rays.column_unknown`.
@@ -65,27 +67,27 @@ impl Sending {
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct RaySetPage {
-    /// Only those called so.
+    /// Only ray sets with this name.
     pub name: Option<String>,
-    /// Only those of these bytes: is the file here already?
+    /// Only ray sets whose file has this SHA-256: tells whether a file was uploaded before.
     #[param(pattern = "^[0-9A-Fa-f]{64}$")]
     pub sha256: Option<String>,
-    /// Only those whose metadata has all of these keys and values: a JSON object of texts.
+    /// Only ray sets whose metadata has all of these keys and values: a JSON object of strings.
     #[param(value_type = Option<String>, example = "{\"order\":\"4711\"}")]
     #[serde(default, deserialize_with = "Metadata::from_text")]
     pub metadata: Metadata,
-    /// Most entries to answer.
+    /// The largest number of entries in the answer.
     #[param(minimum = 1, maximum = 100, default = 20)]
     #[serde(default = "Page::default_limit")]
     pub limit: u32,
-    /// The `next` of the page before.
+    /// The value of `next` in the page before this one.
     pub after: Option<String>,
 }
 
-/// What the headers and the query say of the file to come; `nameless` is what it is called where they say nothing.
+/// Reads what the headers and the query announce about a file; `nameless` is its name if they give none.
 ///
 /// # Errors
-/// A form, a header or a name that cannot be meant.
+/// The body is a form, or a header or the name is not valid.
 pub fn announcement(name: Option<String>, headers: &HeaderMap, nameless: &str) -> Result<Announcement, Problem> {
     let text = |name: HeaderName| headers.get(&name).and_then(|value| value.to_str().ok());
     let media_type = text(header::CONTENT_TYPE).unwrap_or_default().to_ascii_lowercase();
@@ -93,7 +95,7 @@ pub fn announcement(name: Option<String>, headers: &HeaderMap, nameless: &str) -
         return Err(Problem::media_type(format!("The body is {media_type:?}."), SEND_THE_FILE));
     }
     let byte_count = match text(header::CONTENT_LENGTH).map(str::parse) {
-        Some(Err(_)) => return Err(Problem::malformed_header("Content-Length", "It is not a number.")),
+        Some(Err(_)) => return Err(Problem::malformed_header("Content-Length", "The value is not a number.")),
         Some(Ok(bytes)) => Some(bytes),
         None => None,
     };
@@ -136,7 +138,7 @@ pub fn file_name(disposition: &str) -> Option<String> {
     extended.or_else(|| parameter("filename"))
 }
 
-/// `%20` and its like as what they stand for.
+/// Decodes percent-encoded characters such as `%20`.
 pub(super) fn percent_decoded(text: &str) -> String {
     let mut bytes = Vec::new();
     let mut rest = text.bytes();

@@ -1,4 +1,4 @@
-//! `/v1/uploads`: ray files that come in several requests, after tus 1.0.0.
+//! `/v1/uploads`: resumable uploads of ray files (tus 1.0.0).
 
 use super::addresses::link;
 use super::api::Api;
@@ -24,64 +24,65 @@ use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
 
-/// An upload that can be resumed.
+/// A resumable upload.
 #[derive(Serialize, ToSchema)]
 pub struct Upload {
-    /// Its identifier.
+    /// Identifier of this object.
     #[schema(format = Uuid)]
     id: String,
-    /// Where it is: `receiving` bytes, `finishing` (all are there and are being read), `taken` or `refused`; of a partial upload
-    /// also `complete` (all bytes are there, no final upload has them yet) or `joined` (they are those of `part_of`).
+    /// State of the upload: `receiving` bytes, `finishing` (all bytes are there and are being read), `taken` (ray sets were made
+    /// of it) or `refused`; a partial upload may also be `complete` (all bytes are there, but no final upload has them yet) or
+    /// `joined` (its bytes belong to the upload `part_of`).
     #[schema(example = "receiving")]
     state: &'static str,
-    /// How much of it is there, bytes.
+    /// Number of bytes received.
     offset: u64,
-    /// Length of the whole, bytes; null until it is said.
+    /// Length of the whole file, bytes; null while it is not known.
     #[schema(required)]
     length: Option<u64>,
-    /// What it is called.
+    /// Name of the file.
     name: String,
-    /// What was said of it.
+    /// What the client declared about the file.
     declared: FileDeclaration,
-    /// The client's own keys and values, which its ray sets get.
+    /// The client's own metadata, which the ray sets that are made of the file get.
     metadata: Metadata,
-    /// The ray sets that it has become: empty until it is `taken`.
+    /// The ray sets that were made of the upload; empty until its state is `taken`.
     ray_sets: Vec<String>,
-    /// What else was in a packed file, and why it is no ray set.
+    /// Other files in the archive, and why they were left out.
     left_out: Vec<LeftOut>,
-    /// Why it was `refused`; null otherwise.
+    /// Why the upload was `refused`; null otherwise.
     #[schema(required)]
     problem: Option<Problem>,
-    /// `partial`, or `final;` and the addresses of partial uploads, as `Upload-Concat` said; null where it said nothing.
+    /// The value of `Upload-Concat`: `partial`, or `final;` and the addresses of partial uploads; null without this header.
     #[schema(required)]
     concat: Option<String>,
-    /// The final upload that a `joined` one is a piece of; null otherwise.
+    /// Identifier of the final upload that this `joined` upload is a piece of; null otherwise.
     #[schema(required, format = Uuid)]
     part_of: Option<String>,
-    /// When it began, epoch ms.
+    /// When the upload began, epoch ms.
     created_ms: i64,
-    /// When it is forgotten, epoch ms, unless something comes. Ray sets that it has become stay.
+    /// When the upload expires if no more bytes arrive, epoch ms. Ray sets that were made of it do not expire with it.
     expires_ms: i64,
-    /// Where it is.
+    /// Addresses that belong to the upload.
     links: UploadLinks,
 }
 
-/// Where an upload is.
+/// Addresses that belong to an upload.
 #[derive(Serialize, ToSchema)]
 pub struct UploadLinks {
-    /// Itself.
+    /// Address of this object.
     #[serde(rename = "self")]
     this: String,
-    /// The ray sets that it has become.
+    /// The ray sets that were made of the upload.
     ray_sets: Vec<String>,
 }
 
 /// Uploads, newest first.
 #[derive(Serialize, ToSchema)]
 pub struct UploadList {
-    /// One page of them.
+    /// The entries of this page.
     uploads: Vec<Upload>,
-    /// The `after` of the next page; null on the last.
+    /// The value of `after` for the next page; null on the last page.
     #[schema(required)]
     next: Option<String>,
 }
@@ -121,42 +122,43 @@ fn address(id: &str) -> String {
     link(&format!("{}/{id}", tus::PATH))
 }
 
-/// Begins an upload that can be resumed
+/// Begins a resumable upload
 ///
-/// tus 1.0.0 with the extensions that OPTIONS names; any tus client will do. `Upload-Metadata` may have `filename` (or `name`),
-/// `length_unit`, `quantity`, `columns`, `metadata` (as in the query of a plain upload) and `sha256` (hex, of the whole). The first bytes may
-/// come along as the body.
+/// The protocol is tus 1.0.0 with the extensions that OPTIONS names; any tus client works. `Upload-Metadata` may have `filename`
+/// (or `name`), `length_unit`, `quantity`, `columns`, `metadata` (as in the query of `POST /v1/ray-sets`) and `sha256` (hex, of
+/// the whole file). The body may carry the first bytes of the file.
 ///
-/// A file may come in pieces, several at once: each is an upload with `Upload-Concat: partial`, and when all bytes are there
-/// `Upload-Concat: final;` with their addresses, in order and with spaces between (at most 100), makes one upload of them, which has
-/// the metadata of that request. It is answered when the file is read, as the last byte of any other upload is. A partial upload is
-/// used once; sent again, the same request is answered with the same upload.
+/// A file may be sent as several pieces at the same time: each piece is an upload with `Upload-Concat: partial`. When all pieces
+/// are complete, a request with `Upload-Concat: final;` and the addresses of the pieces, in order and separated by spaces (at
+/// most 100), makes one upload of them, with the metadata of that request. The answer comes when the file has been read, as for
+/// the last byte of any other upload. A partial upload can be used once; the same request, sent again, is answered with the same
+/// upload.
 #[utoipa::path(
     post, path = "/v1/uploads", tag = "uploads", operation_id = "create_upload",
     params(
         ("Tus-Resumable" = String, Header, pattern = "^1[.]0[.]0$", description = "`1.0.0`"),
-        ("Upload-Length" = Option<u64>, Header, description = "length of the whole, bytes"),
-        ("Upload-Defer-Length" = Option<String>, Header, description = "`1`: the length is said later"),
+        ("Upload-Length" = Option<u64>, Header, description = "the length of the whole file, bytes"),
+        ("Upload-Defer-Length" = Option<String>, Header, description = "`1`: a later request gives the length"),
         ("Upload-Metadata" = Option<String>, Header, description = "`key base64,key base64,..`"),
         ("Upload-Checksum" = Option<String>, Header, description = "`sha1 <base64>` or `sha256 <base64>` of the body"),
         ("Upload-Concat" = Option<String>, Header, description = "`partial`, or `final;` and the addresses of partial uploads"),
-        ("Repr-Digest" = Option<String>, Header, description = "`sha-256=:<base64>:` (RFC 9530) of the whole: verified at its end"),
+        ("Repr-Digest" = Option<String>, Header, description = "`sha-256=:<base64>:` (RFC 9530) of the whole file, which the service verifies when all bytes are there"),
     ),
-    request_body(content = inline(super::api::Binary), content_type = "application/octet-stream", description = "the first bytes, or nothing; as tus sends them, application/offset+octet-stream, too"),
+    request_body(content = inline(super::api::Binary), content_type = "application/octet-stream", description = "the first bytes of the file, or nothing; the type may also be application/offset+octet-stream, as tus has it"),
     responses(
-        (status = 201, description = "begun", headers(("Location" = String, description = "the upload"), ("Upload-Offset" = u64, description = "how much of it is there, bytes; not for a final upload that is still being read"), ("Upload-Concat" = String, description = "as it was sent"), ("Upload-Expires" = String, description = "when it is forgotten, unless something comes"))),
-        (status = 400, body = Problem, content_type = "application/problem+json", description = "malformed file or header; no bytes"),
+        (status = 201, description = "the upload has begun", headers(("Location" = String, description = "the upload"), ("Upload-Offset" = u64, description = "the number of bytes received; absent for a final upload that is still being read"), ("Upload-Concat" = String, description = "the value that the client sent"), ("Upload-Expires" = String, description = "when the upload expires if no more bytes arrive"))),
+        (status = 400, body = Problem, content_type = "application/problem+json", description = "the file or a header is malformed, or the file is empty"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such partial upload"),
-        (status = 408, body = Problem, content_type = "application/problem+json", description = "the body fell silent"),
-        (status = 409, body = Problem, content_type = "application/problem+json", description = "a partial upload is not complete, or is a piece of another"),
-        (status = 412, body = Problem, content_type = "application/problem+json", description = "another version of tus"),
-        (status = 413, body = Problem, content_type = "application/problem+json", description = "larger than this service takes, or than there is quota for"),
-        (status = 415, body = Problem, content_type = "application/problem+json", description = "a body of another type"),
-        (status = 422, body = Problem, content_type = "application/problem+json", description = "a file that is refused; unusable metadata"),
-        (status = 460, body = Problem, content_type = "application/problem+json", description = "the checksum does not match; nothing was begun"),
-        (status = 500, body = Problem, content_type = "application/problem+json", description = "the file ends the process that reads it"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, stopping, or a store that does not answer"),
-        (status = 507, body = Problem, content_type = "application/problem+json", description = "no room for more"),
+        (status = 408, body = Problem, content_type = "application/problem+json", description = "the client sent too few bytes or none for too long"),
+        (status = 409, body = Problem, content_type = "application/problem+json", description = "a partial upload is not complete, or is already part of another upload"),
+        (status = 412, body = Problem, content_type = "application/problem+json", description = "the request uses another version of tus"),
+        (status = 413, body = Problem, content_type = "application/problem+json", description = "the file is larger than this service accepts, or than the storage quota of the tenant allows"),
+        (status = 415, body = Problem, content_type = "application/problem+json", description = "the Content-Type of the body is not supported"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "the file is refused, or the metadata is not valid"),
+        (status = 460, body = Problem, content_type = "application/problem+json", description = "the checksum does not match; no upload was made"),
+        (status = 500, body = Problem, content_type = "application/problem+json", description = "the process that reads the file ended each time it read it"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy or stopping, or the database or the object store does not answer"),
+        (status = 507, body = Problem, content_type = "application/problem+json", description = "the service has no storage space for this"),
     )
 )]
 pub async fn create(
@@ -171,9 +173,9 @@ pub async fn create(
     // It is about the bytes that come along; Upload-Checksum is what tells of them here.
     headers.remove("content-digest");
     let metadata = tus::metadata(&headers)?;
-    let declared = metadata.sending.declaration()?;
-    let client_metadata = metadata.sending.metadata;
-    let announced = announcement(metadata.sending.name, &headers, "rays")?;
+    let declared = metadata.query.declaration()?;
+    let client_metadata = metadata.query.metadata;
+    let announced = announcement(metadata.query.name, &headers, "rays")?;
     let sha256 = announced.sha256.iter().cloned().chain(metadata.sha256).collect();
     let body_bytes = announced.byte_count;
     let whole = Announcement { declared, sha256, metadata: client_metadata, ..announced };
@@ -225,7 +227,7 @@ async fn join(
         if headers.contains_key(&name) {
             return Err(Problem::malformed_header(
                 name.as_str(),
-                "A final upload has the bytes of its partial uploads.",
+                "A final upload must not have this header: its bytes are those of its partial uploads.",
             ));
         }
     }
@@ -279,36 +281,37 @@ async fn create_with(
     .await
 }
 
-/// Goes on with an upload
+/// Appends bytes to an upload
 ///
-/// The body is added where the upload ends. What came of a body that breaks off is kept, unless it has a checksum: ask with HEAD
-/// how much. The answer to the last byte waits a while for what becomes of the file; a refusal within that time is the answer.
-/// Under `/v1/uploads`, `X-HTTP-Method-Override` says the method, whatever the request's own is.
+/// The body is appended to the bytes that the upload has. If the connection is lost, the bytes that arrived are kept, unless the
+/// request has a checksum: HEAD says how many. The answer to the request with the last byte waits up to 10 seconds for the file
+/// to be read; if the file is refused within that time, the answer is that refusal. Under `/v1/uploads`, the header
+/// `X-HTTP-Method-Override` replaces the method of the request.
 #[utoipa::path(
     patch, path = "/v1/uploads/{id}", tag = "uploads", operation_id = "append_to_upload",
     params(
         ("id" = String, Path, description = "the upload"),
         ("Tus-Resumable" = String, Header, pattern = "^1[.]0[.]0$", description = "`1.0.0`"),
-        ("Upload-Offset" = u64, Header, description = "how much of it is there, bytes"),
-        ("Upload-Length" = Option<u64>, Header, description = "length of the whole, where it was left open, bytes"),
+        ("Upload-Offset" = u64, Header, description = "the number of bytes that the upload has before this request"),
+        ("Upload-Length" = Option<u64>, Header, description = "the length of the whole file, bytes, if no request gave it before"),
         ("Upload-Checksum" = Option<String>, Header, description = "`sha1 <base64>` or `sha256 <base64>` of the body"),
     ),
-    request_body(content = inline(super::api::Binary), content_type = "application/octet-stream", description = "the bytes that follow; as tus sends them, application/offset+octet-stream, too"),
+    request_body(content = inline(super::api::Binary), content_type = "application/octet-stream", description = "the bytes that follow; the type may also be application/offset+octet-stream, as tus has it"),
     responses(
-        (status = 204, description = "added", headers(("Upload-Offset" = u64, description = "how much of it is there now, bytes"), ("Upload-Expires" = String, description = "when it is forgotten, unless something comes"))),
-        (status = 400, body = Problem, content_type = "application/problem+json", description = "malformed file or header; truncated body; wrong digest"),
-        (status = 403, body = Problem, content_type = "application/problem+json", description = "it is a final upload, or the key has not the scope for this"),
-        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
-        (status = 408, body = Problem, content_type = "application/problem+json", description = "the body fell silent"),
-        (status = 409, body = Problem, content_type = "application/problem+json", description = "it goes on elsewhere, or is complete"),
-        (status = 412, body = Problem, content_type = "application/problem+json", description = "another version of tus"),
-        (status = 413, body = Problem, content_type = "application/problem+json", description = "more than announced, or than there is quota for"),
-        (status = 415, body = Problem, content_type = "application/problem+json", description = "a body of another type"),
-        (status = 422, body = Problem, content_type = "application/problem+json", description = "a file that is refused"),
-        (status = 460, body = Problem, content_type = "application/problem+json", description = "the checksum does not match; the body was not kept"),
-        (status = 500, body = Problem, content_type = "application/problem+json", description = "the file ends the process that reads it"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, stopping, or a store that does not answer"),
-        (status = 507, body = Problem, content_type = "application/problem+json", description = "no room for more"),
+        (status = 204, description = "the bytes are stored", headers(("Upload-Offset" = u64, description = "the number of bytes that the upload has now"), ("Upload-Expires" = String, description = "when the upload expires if no more bytes arrive"))),
+        (status = 400, body = Problem, content_type = "application/problem+json", description = "the file or a header is malformed; the body is truncated; the digest does not match"),
+        (status = 403, body = Problem, content_type = "application/problem+json", description = "nothing can be appended to a final upload, or the API key lacks the scope uploads:write"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such upload"),
+        (status = 408, body = Problem, content_type = "application/problem+json", description = "the client sent too few bytes or none for too long"),
+        (status = 409, body = Problem, content_type = "application/problem+json", description = "Upload-Offset is not the number of bytes received, or the upload is complete"),
+        (status = 412, body = Problem, content_type = "application/problem+json", description = "the request uses another version of tus"),
+        (status = 413, body = Problem, content_type = "application/problem+json", description = "the body goes beyond the announced length, or the storage quota of the tenant"),
+        (status = 415, body = Problem, content_type = "application/problem+json", description = "the Content-Type of the body is not supported"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "the file is refused"),
+        (status = 460, body = Problem, content_type = "application/problem+json", description = "the checksum does not match; the bytes of this request were not stored"),
+        (status = 500, body = Problem, content_type = "application/problem+json", description = "the process that reads the file ended each time it read it"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy or stopping, or the database or the object store does not answer"),
+        (status = 507, body = Problem, content_type = "application/problem+json", description = "the service has no storage space for this"),
     )
 )]
 pub async fn append(
@@ -324,7 +327,7 @@ pub async fn append(
     if !is_ours(&headers) {
         return Err(wrong_type());
     }
-    let missing = || Problem::malformed_header(tus::OFFSET.as_str(), "It is missing.");
+    let missing = || Problem::malformed_header(tus::OFFSET.as_str(), "The request has no Upload-Offset header.");
     let piece = Piece {
         offset: tus::bytes(&headers, &tus::OFFSET)?.ok_or_else(missing)?,
         byte_count: tus::bytes(&headers, &header::CONTENT_LENGTH)?,
@@ -332,7 +335,7 @@ pub async fn append(
         checksum: tus::checksum(&headers)?,
     };
     if headers.contains_key(tus::CONCAT) && find(&api, &access, &id).await?.concat == Concat::Whole {
-        let remedy = "Send it without the header, or begin the upload with it.";
+        let remedy = "Send the request without this header; it belongs to the request that begins an upload.";
         return Err(Problem::not_honoured(tus::CONCAT.as_str(), "The upload is not a partial one.", remedy));
     }
     let (uploads, tenant, upload) = (api.uploads.clone(), access.tenant.clone(), id.clone());
@@ -363,7 +366,7 @@ async fn to_its_end(
     taking: impl Future<Output = Result<rows::Upload, Error>> + Send + 'static,
 ) -> Result<rows::Upload, Problem> {
     let taken = tokio::spawn(taking).await.map_err(|error| {
-        tracing::error!(%error, "an upload stopped");
+        tracing::error!(%error, "the task of an upload panicked");
         Problem::internal()
     })?;
     Ok(taken?)
@@ -376,7 +379,7 @@ fn is_ours(headers: &HeaderMap) -> bool {
 
 fn wrong_type() -> Problem {
     let remedy = "Send the bytes with Content-Type: application/offset+octet-stream.";
-    Problem::media_type("The body is not what tus sends.", remedy)
+    Problem::media_type("The Content-Type of the body is not that of tus.", remedy)
 }
 
 fn tell_progress(headers: &mut HeaderMap, upload: &rows::Upload) {
@@ -390,15 +393,15 @@ fn tell_progress(headers: &mut HeaderMap, upload: &rows::Upload) {
     tus::tell(headers, tus::EXPIRES, &tus::date(upload.expires_ms));
 }
 
-/// Tells how much of an upload is there
+/// Returns the number of bytes received of an upload
 #[utoipa::path(
     head, path = "/v1/uploads/{id}", tag = "uploads", operation_id = "upload_offset",
     params(("id" = String, Path, description = "the upload")),
     responses(
-        (status = 200, description = "how much", headers(("Upload-Offset" = u64, description = "how much of it is there, bytes; not for a final upload that is still being read"), ("Upload-Length" = u64, description = "length of the whole, bytes, once it is said"), ("Upload-Defer-Length" = String, description = "`1` until it is"), ("Upload-Metadata" = String, description = "as it was sent"), ("Upload-Concat" = String, description = "as it was sent"), ("Upload-Expires" = String, description = "when it is forgotten, unless something comes"))),
-        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
-        (status = 410, body = Problem, content_type = "application/problem+json", description = "it was refused: GET tells why"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 200, description = "the headers have the number of bytes received", headers(("Upload-Offset" = u64, description = "the number of bytes received; absent for a final upload that is still being read"), ("Upload-Length" = u64, description = "the length of the whole file, bytes; absent while it is not known"), ("Upload-Defer-Length" = String, description = "`1` while the length is not known"), ("Upload-Metadata" = String, description = "the value that the client sent"), ("Upload-Concat" = String, description = "the value that the client sent"), ("Upload-Expires" = String, description = "when the upload expires if no more bytes arrive"))),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such upload"),
+        (status = 410, body = Problem, content_type = "application/problem+json", description = "the upload was refused; GET says why"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn offset(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<Response, Problem> {
@@ -423,14 +426,14 @@ pub async fn offset(State(api): State<Api>, access: Access, Path(id): Path<Strin
     Ok(response)
 }
 
-/// Tells of an upload, and what it has become
+/// Returns an upload and its result
 #[utoipa::path(
     get, path = "/v1/uploads/{id}", tag = "uploads", operation_id = "get_upload",
     params(("id" = String, Path, description = "the upload")),
     responses(
-        (status = 200, body = Upload, description = "what is known of it"),
-        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 200, body = Upload, description = "the upload"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such upload"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn get(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<Json<Upload>, Problem> {
@@ -444,13 +447,13 @@ async fn find(api: &Api, access: &Access, id: &str) -> Result<rows::Upload, Prob
 
 /// Lists uploads, newest first
 ///
-/// Unfinished ones, and those that have ended and are not forgotten yet.
+/// The list has the unfinished uploads, and the ended ones that have not expired.
 #[utoipa::path(
     get, path = "/v1/uploads", tag = "uploads", operation_id = "list_uploads", params(Page),
     responses(
-        (status = 200, body = UploadList, description = "one page"),
-        (status = 422, body = Problem, content_type = "application/problem+json", description = "an unusable query"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 200, body = UploadList, description = "one page of the list"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "the query is not valid"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn list(
@@ -464,16 +467,16 @@ pub async fn list(
     Ok(Json(UploadList { uploads: rows.into_iter().map(Upload::from).collect(), next }))
 }
 
-/// Ends and forgets an upload
+/// Deletes an upload
 ///
-/// Its bytes go. Ray sets that it has become stay.
+/// The bytes of the upload are deleted. Ray sets that were made of it are not.
 #[utoipa::path(
     delete, path = "/v1/uploads/{id}", tag = "uploads", operation_id = "delete_upload",
     params(("id" = String, Path, description = "the upload")),
     responses(
-        (status = 204, description = "gone"),
-        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "a store that does not answer"),
+        (status = 204, description = "the upload is deleted"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such upload"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the database or the object store does not answer"),
     )
 )]
 pub async fn delete(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<StatusCode, Problem> {

@@ -1,11 +1,11 @@
-//! `/v1/webhooks`: who is told that jobs have ended.
+//! `/v1/webhooks`: URLs that receive an event when a job ends.
 
 use super::addresses::link;
 use super::api::Api;
 use super::extract::{Body, Page, Path, Query, cut};
 use super::problem::Problem;
 use crate::accounts::access::Access;
-use crate::webhooks::endpoints::{Endpoint, Told};
+use crate::webhooks::endpoints::{Endpoint, EndpointSettings};
 use crate::webhooks::{Event, endpoints};
 use axum::Json;
 use axum::extract::State;
@@ -17,99 +17,100 @@ use utoipa::ToSchema;
 /// Longest description.
 const MAX_DESCRIPTION_CHARS: usize = 255;
 
-/// An endpoint to be.
+/// A request for a webhook.
 #[derive(Deserialize, Serialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewWebhook {
-    /// Where to post: `https://..`.
+    /// URL that events are posted to: `https://..`.
     #[schema(pattern = "^https?://", max_length = 2048)]
     url: String,
-    /// What it hears of; everything, if nothing is said.
+    /// The events that the webhook receives. Default: all.
     #[serde(default = "all")]
     #[schema(min_items = 1, nullable)]
     events: Vec<Event>,
-    /// What a person says of it.
+    /// A note for people.
     #[serde(default)]
     #[schema(max_length = 255, nullable)]
     description: String,
 }
 
-/// What is to change.
+/// The fields of a webhook to change.
 #[derive(Deserialize, Serialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WebhookChange {
-    /// Where to post.
+    /// URL that events are posted to.
     #[serde(default)]
     #[schema(value_type = Option<String>, pattern = "^https?://", max_length = 2048)]
     url: Option<String>,
-    /// What it hears of.
+    /// The events that the webhook receives.
     #[serde(default)]
     #[schema(min_items = 1)]
     events: Option<Vec<Event>>,
-    /// What a person says of it.
+    /// A note for people.
     #[serde(default)]
     #[schema(max_length = 255)]
     description: Option<String>,
-    /// Only true: tell it again. Any change does.
+    /// Enables a disabled webhook again; only true is allowed. Any other change does the same.
     #[serde(default)]
     enabled: Option<bool>,
 }
 
-/// An endpoint.
+/// A webhook: a URL that the service posts events to.
 #[derive(Serialize, ToSchema)]
 pub struct Webhook {
-    /// Its identifier.
+    /// Identifier of this object.
     #[schema(format = Uuid)]
     id: String,
-    /// Where is posted.
+    /// URL that events are posted to.
     url: String,
-    /// What it hears of.
+    /// The events that the webhook receives.
     events: Vec<Event>,
-    /// What a person says of it.
+    /// A note for people.
     description: String,
-    /// Whether it is told anything.
+    /// Whether the webhook receives events.
     enabled: bool,
-    /// Why not: it answered 410, or has taken nothing for three days and not the last of ten attempts.
+    /// Why the webhook is disabled: its URL answered 410, or accepted nothing for three days and refused the last of ten
+    /// attempts; null if it is enabled.
     #[schema(required)]
     disabled_why: Option<String>,
-    /// Since when it has taken nothing, epoch ms; null while it does.
+    /// Since when the URL has accepted nothing, epoch ms; null while it accepts events.
     #[schema(required)]
     failing_since_ms: Option<i64>,
-    /// Until when the secret before signs too, epoch ms.
+    /// Until when the secret before the present one signs too, epoch ms.
     #[schema(required)]
     old_secret_until_ms: Option<i64>,
-    /// When it was made, epoch ms.
+    /// When the webhook was created, epoch ms.
     created_ms: i64,
-    /// Where things are.
+    /// Addresses of related objects.
     links: WebhookLinks,
 }
 
-/// Where an endpoint's things are.
+/// Addresses that belong to a webhook.
 #[derive(Serialize, ToSchema)]
 pub struct WebhookLinks {
-    /// Itself.
+    /// Address of this object.
     #[serde(rename = "self")]
     this: String,
-    /// What it was told, and how that went.
+    /// List of the deliveries and their results.
     deliveries: String,
 }
 
-/// An endpoint with its secret, which is told once.
+/// A webhook with its signing secret, which is shown only once.
 #[derive(Serialize, ToSchema)]
 pub struct WebhookWithSecret {
-    /// What signs: `whsec_` and base64. Nothing tells it again.
+    /// The signing secret: `whsec_` and base64. It is never shown again.
     secret: String,
-    /// The endpoint.
+    /// The webhook.
     #[serde(flatten)]
     webhook: Webhook,
 }
 
-/// Endpoints, newest first.
+/// Webhooks, newest first.
 #[derive(Serialize, ToSchema)]
 pub struct WebhookList {
-    /// One page of them.
+    /// The entries of this page.
     webhooks: Vec<Webhook>,
-    /// The `after` of the next page; null on the last.
+    /// The value of `after` for the next page; null on the last page.
     #[schema(required)]
     next: Option<String>,
 }
@@ -137,38 +138,40 @@ impl From<Endpoint> for Webhook {
 }
 
 /// What can be said of an endpoint.
-fn judge(api: &Api, told: &Told) -> Result<(), Problem> {
-    api.dispatcher.outbound().judge(&told.url).map_err(|error| Problem::webhook_url(&error))?;
-    if told.events.is_empty() {
+fn judge(api: &Api, settings: &EndpointSettings) -> Result<(), Problem> {
+    api.dispatcher.outbound().judge(&settings.url).map_err(|error| Problem::webhook_url(&error))?;
+    if settings.events.is_empty() {
         return Err(Problem::out_of_range("events", "a list of at least one event"));
     }
-    if told.description.chars().count() > MAX_DESCRIPTION_CHARS || told.description.contains('\0') {
+    if settings.description.chars().count() > MAX_DESCRIPTION_CHARS || settings.description.contains('\0') {
         return Err(Problem::out_of_range("description", "at most 255 characters long"));
     }
     Ok(())
 }
 
-/// Makes a webhook
+/// Creates a webhook
 ///
-/// Every job that ends from now on is posted to it, signed as Standard Webhooks says: `webhook-id` (the same for every attempt: drop
-/// what came before), `webhook-timestamp` and `webhook-signature`; the body is a WebhookMessage. Any 2xx within 15 s is taken for
-/// an answer, 410 ends it; else it is told again, later and later: ten times in all, within four days unless it asks for more time.
+/// The service posts an event to the URL for every job that ends from now on. Each request is signed as Standard Webhooks
+/// describes: `webhook-id` (the same for every attempt, so that the receiver can drop repeats), `webhook-timestamp` and
+/// `webhook-signature`; the body is a WebhookMessage. A 2xx answer within 15 s confirms the delivery; 410 disables the webhook.
+/// After any other answer the service tries again at growing intervals: ten attempts in all, within four days unless
+/// `Retry-After` asks for more time.
 #[utoipa::path(
     post, path = "/v1/webhooks", tag = "webhooks", operation_id = "create_webhook", request_body = NewWebhook,
     responses(
-        (status = 201, body = WebhookWithSecret, description = "made; the secret is told here and nowhere else", headers(("Location" = String, description = "the webhook"))),
-        (status = 400, body = Problem, content_type = "application/problem+json", description = "not JSON"),
-        (status = 409, body = Problem, content_type = "application/problem+json", description = "as many as may be"),
+        (status = 201, body = WebhookWithSecret, description = "the webhook is created; only this answer contains the secret", headers(("Location" = String, description = "the webhook"))),
+        (status = 400, body = Problem, content_type = "application/problem+json", description = "the body is not JSON"),
+        (status = 409, body = Problem, content_type = "application/problem+json", description = "the tenant has the largest number of webhooks already"),
         (status = 413, body = Problem, content_type = "application/problem+json", description = "the body is too large"),
-        (status = 415, body = Problem, content_type = "application/problem+json", description = "not JSON by its Content-Type"),
-        (status = 422, body = Problem, content_type = "application/problem+json", description = "unknown field, wrong type; an address that is refused"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 415, body = Problem, content_type = "application/problem+json", description = "the Content-Type is not application/json"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "a field is unknown or of the wrong type; the URL is refused"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn create(State(api): State<Api>, access: Access, Body(new): Body<NewWebhook>) -> Result<Response, Problem> {
-    let told = Told { url: new.url, events: new.events, description: new.description };
-    judge(&api, &told)?;
-    let made = endpoints::create(&api.storage.records, &access.tenant, told).await?;
+    let settings = EndpointSettings { url: new.url, events: new.events, description: new.description };
+    judge(&api, &settings)?;
+    let made = endpoints::create(&api.storage.records, &access.tenant, settings).await?;
     let (row, secret) = made.ok_or_else(Problem::too_many_webhooks)?;
     let webhook = Webhook::from(row);
     let location = [(header::LOCATION, webhook.links.this.clone())];
@@ -179,9 +182,9 @@ pub async fn create(State(api): State<Api>, access: Access, Body(new): Body<NewW
 #[utoipa::path(
     get, path = "/v1/webhooks", tag = "webhooks", operation_id = "list_webhooks", params(Page),
     responses(
-        (status = 200, body = WebhookList, description = "one page"),
-        (status = 422, body = Problem, content_type = "application/problem+json", description = "an unusable query"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 200, body = WebhookList, description = "one page of the list"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "the query is not valid"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn list(
@@ -196,39 +199,39 @@ pub async fn list(
     Ok(Json(WebhookList { webhooks: rows.into_iter().map(Webhook::from).collect(), next }))
 }
 
-/// Tells of a webhook
+/// Returns a webhook
 #[utoipa::path(
     get, path = "/v1/webhooks/{id}", tag = "webhooks", operation_id = "get_webhook",
     params(("id" = String, Path, description = "the webhook")),
     responses(
-        (status = 200, body = Webhook, description = "what is known of it"),
-        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 200, body = Webhook, description = "the webhook"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such webhook"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn get(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<Json<Webhook>, Problem> {
     Ok(Json(find(&api, &access, &id).await?.into()))
 }
 
-/// The endpoint `id` of whoever asks, or 404.
+/// The webhook `id` of the tenant of the request, or 404.
 pub(super) async fn find(api: &Api, access: &Access, id: &str) -> Result<Endpoint, Problem> {
     endpoints::get(&api.storage.records, &access.tenant, id).await?.ok_or_else(|| Problem::no_webhook(id))
 }
 
 /// Changes a webhook
 ///
-/// What is not said stays. One that was disabled is told again, from the next job on.
+/// Fields that are left out keep their values. Any change enables a disabled webhook again, from the next job on.
 #[utoipa::path(
     patch, path = "/v1/webhooks/{id}", tag = "webhooks", operation_id = "change_webhook", request_body = WebhookChange,
     params(("id" = String, Path, description = "the webhook")),
     responses(
-        (status = 200, body = Webhook, description = "what it is now"),
-        (status = 400, body = Problem, content_type = "application/problem+json", description = "not JSON"),
-        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
+        (status = 200, body = Webhook, description = "the webhook after the change"),
+        (status = 400, body = Problem, content_type = "application/problem+json", description = "the body is not JSON"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such webhook"),
         (status = 413, body = Problem, content_type = "application/problem+json", description = "the body is too large"),
-        (status = 415, body = Problem, content_type = "application/problem+json", description = "not JSON by its Content-Type"),
-        (status = 422, body = Problem, content_type = "application/problem+json", description = "unknown field, wrong type; an address that is refused"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 415, body = Problem, content_type = "application/problem+json", description = "the Content-Type is not application/json"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "a field is unknown or of the wrong type; the URL is refused"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn change(
@@ -238,30 +241,30 @@ pub async fn change(
     Body(change): Body<WebhookChange>,
 ) -> Result<Json<Webhook>, Problem> {
     if change.enabled == Some(false) {
-        return Err(Problem::out_of_range("enabled", "true; who wants to hear nothing deletes the webhook"));
+        return Err(Problem::out_of_range("enabled", "true; to stop the events, delete the webhook"));
     }
     let now = find(&api, &access, &id).await?;
-    let told = Told {
+    let settings = EndpointSettings {
         url: change.url.unwrap_or(now.url),
         events: change.events.unwrap_or(now.events),
         description: change.description.unwrap_or(now.description),
     };
-    judge(&api, &told)?;
-    endpoints::change(&api.storage.records, &access.tenant, &id, told).await?;
+    judge(&api, &settings)?;
+    endpoints::change(&api.storage.records, &access.tenant, &id, settings).await?;
     Ok(Json(find(&api, &access, &id).await?.into()))
 }
 
-/// Makes a new secret for a webhook
+/// Makes a new signing secret for a webhook
 ///
-/// For a day the one before signs too: `webhook-signature` then has two, and either is good. Asked again within that day, the one
-/// that the receiver has goes on signing.
+/// The secret before it signs too for one day: `webhook-signature` then has two signatures, and either is valid. If the request
+/// is repeated within that day, the secret that signed before the first of these requests goes on signing.
 #[utoipa::path(
     post, path = "/v1/webhooks/{id}/secret", tag = "webhooks", operation_id = "rotate_webhook_secret",
     params(("id" = String, Path, description = "the webhook")),
     responses(
-        (status = 200, body = WebhookWithSecret, description = "the new secret, told here and nowhere else"),
-        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "busy, or a store that does not answer"),
+        (status = 200, body = WebhookWithSecret, description = "the webhook with its new secret; only this answer contains the secret"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such webhook"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
     )
 )]
 pub async fn rotate(
@@ -277,14 +280,14 @@ pub async fn rotate(
 
 /// Deletes a webhook
 ///
-/// What was not yet told to it is not told.
+/// Events that were not delivered yet are dropped.
 #[utoipa::path(
     delete, path = "/v1/webhooks/{id}", tag = "webhooks", operation_id = "delete_webhook",
     params(("id" = String, Path, description = "the webhook")),
     responses(
-        (status = 204, description = "gone"),
-        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is none"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "a store that does not answer"),
+        (status = 204, description = "the webhook is deleted"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such webhook"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the database or the object store does not answer"),
     )
 )]
 pub async fn delete(State(api): State<Api>, access: Access, Path(id): Path<String>) -> Result<StatusCode, Problem> {

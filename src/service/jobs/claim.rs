@@ -1,6 +1,7 @@
-//! Who is next. Tenants take turns: the one with the fewest jobs running, of these the one that was served longest ago; its line
-//! is by priority, then age. Where that job does not fit beside what this process computes, the slot waits for it: smaller
-//! ones do not pass it, so that it is begun at last. Jobs that never fit this process are left to others.
+//! Claims the next job of the queue. Tenants take turns: next is the tenant with the fewest running jobs, and among those the one
+//! that was served longest ago; its jobs are ordered by priority, then by age. If that job does not fit into the free memory of
+//! this process, the slot waits for it: smaller jobs do not overtake it, so that it starts at last. Jobs that never fit this
+//! process are left to other processes.
 
 use super::memory_budget::needed;
 use super::queue::{Claim, Queue};
@@ -31,7 +32,8 @@ macro_rules! servable {
 }
 
 const LOOK: &str = servable!("", "LIMIT 1");
-/// Whose turn it is. Holds the tenant's row: nobody else begins a job of this tenant before this transaction ends.
+/// The tenant whose turn it is. Locks the row of the tenant, so that no other process starts a job of it before this transaction
+/// ends.
 const SERVE: &str = servable!(
     "UPDATE tenants SET served_ms = {now} WHERE id = (",
     "ORDER BY (SELECT COUNT(*) FROM jobs WHERE jobs.tenant = fair.id AND jobs.state = 'running'), \
@@ -55,17 +57,17 @@ const TAKE: &str = concat!(
 const TOO_LARGE: &str =
     concat!("SELECT COUNT(*) AS jobs FROM jobs WHERE jobs.state = 'queued' AND ", needed!("$2"), " > $1");
 
-/// What came of one try.
+/// Result of one attempt to claim a job.
 enum Tried {
     Taken(Claim),
-    /// Nothing fits now.
+    /// The next job does not fit into the free memory.
     Full,
-    /// Others were at it.
+    /// There is no job, or another process was faster.
     Busy,
 }
 
 impl Queue {
-    /// Takes the job that is next, after giving back what lost workers held; `None` when there is none for this process now.
+    /// Claims the next job, after putting back the jobs of lost workers; `None` if there is no job for this process now.
     ///
     /// # Errors
     /// The database did not answer.
@@ -120,7 +122,7 @@ impl Queue {
             transaction.rollback().await?;
             return Ok(Tried::Busy);
         };
-        let Some(held) = self.memory.hold(row.count("needed_bytes")?) else {
+        let Some(memory) = self.memory.reserve(row.count("needed_bytes")?) else {
             transaction.rollback().await?;
             return Ok(Tried::Full);
         };
@@ -137,7 +139,7 @@ impl Queue {
             attempt: row.number("attempt")?,
             options: row.text("options")?,
             timeout: timeout_ms.unwrap_or(self.longest).min(self.longest),
-            held,
+            memory,
         }))
     }
 }

@@ -5,7 +5,7 @@ use super::memory_budget::TooLarge;
 use crate::accounts::quota::Exceeded;
 use crate::storage;
 
-/// Why a job cannot be changed so.
+/// Why a request about a job cannot be carried out.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// There is no such job.
@@ -17,25 +17,25 @@ pub enum Error {
     /// There is no such spectrum.
     #[error("there is no spectrum {0}")]
     MissingSpectrum(String),
-    /// The job is in a state from which this is not legal.
+    /// The state of the job does not allow this change.
     #[error("the job is {}", .0.name())]
     State(State),
-    /// The tenant has too many jobs waiting, or no room for what it would give.
+    /// The tenant has too many queued jobs, or no storage for the artifacts.
     #[error(transparent)]
     Quota(#[from] Exceeded),
-    /// Its options, or its channels together, cannot be meant.
+    /// The options, or the channels together, are not valid.
     #[error(transparent)]
     Unfit(#[from] pipeline::Error),
-    /// It can never be begun with the memory there is.
+    /// The job needs more memory than this service has.
     #[error(transparent)]
     TooLarge(#[from] TooLarge),
-    /// The key stands for another request.
+    /// The Idempotency-Key was used for a different request.
     #[error("the key {0:?} was used for another request")]
     KeyReused(String),
-    /// The job that the key made was deleted.
+    /// The job that was made with the Idempotency-Key was deleted.
     #[error("the job of the key {0:?} was deleted")]
     KeySpent(String),
-    /// A store did not answer.
+    /// The database or the object store did not answer.
     #[error(transparent)]
     Storage(#[from] storage::Error),
 }

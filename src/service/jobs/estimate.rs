@@ -15,18 +15,19 @@ use sha2::{Digest, Sha256};
 /// Names the computation that this build has: another one may give other bytes (`build.rs`).
 pub const PIPELINE: &str = env!("LAMPWRIGHT_PIPELINE");
 
-/// What a job will be, as the headers of its files tell.
+/// What is known of a job before it is queued: its size, its need of memory and the digest of its content, from the headers of
+/// its files.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Prospect {
-    /// Rays of all channels together.
+pub struct JobPlan {
+    /// Number of rays of all channels together.
     pub ray_count: u64,
-    /// Bytes of their files.
+    /// Length of the files of all channels together, bytes.
     pub byte_count: u64,
-    /// Most memory that computing it is expected to need, bytes,
+    /// Expected peak memory of the computation on [`JobPlan::memory_threads`] threads, bytes.
     pub memory_bytes: u64,
-    /// on so many threads,
+    /// Number of threads that [`JobPlan::memory_bytes`] is for.
     pub memory_threads: usize,
-    /// and for each further one.
+    /// Expected memory for each further thread, bytes.
     pub thread_bytes: u64,
     /// SHA-256 of everything its artifacts follow from, lower-case hex: equal for jobs that give the same bytes.
     pub content_sha256: Option<String>,
@@ -67,7 +68,7 @@ impl Noticed<'_> {
     }
 }
 
-struct Known {
+struct ChannelSource {
     ray_set: rows::RaySet,
     claims: Claims,
     declared: Declared,
@@ -75,7 +76,7 @@ struct Known {
     of_spectrum: Option<String>,
 }
 
-impl Known {
+impl ChannelSource {
     fn noticed(&self) -> Noticed<'_> {
         let packed = self.ray_set.packed.as_ref().filter(|packed| !packed.left_out.is_empty());
         Noticed {
@@ -86,11 +87,11 @@ impl Known {
     }
 }
 
-/// Judges a job that `tenant` wants, computed on `threads` threads.
+/// Checks a job that `tenant` requests and estimates it for a computation on `threads` threads.
 ///
 /// # Errors
 /// [`Error::MissingRaySet`], [`Error::MissingSpectrum`], [`Error::Unfit`], [`Error::Storage`].
-pub async fn prospect(records: &Records, tenant: &str, new: &NewJob, threads: usize) -> Result<Prospect, Error> {
+pub async fn plan(records: &Records, tenant: &str, new: &NewJob, threads: usize) -> Result<JobPlan, Error> {
     let mut options = new.options.clone();
     options.validate()?;
     options.rays.total = new.total.map(TotalFlux::total);
@@ -98,7 +99,7 @@ pub async fn prospect(records: &Records, tenant: &str, new: &NewJob, threads: us
     for (index, channel) in new.channels.iter().enumerate() {
         known.push(look_up(records, tenant, index, channel).await?);
     }
-    let name = |known: &Known| known.declared.name.clone().unwrap_or_else(|| known.ray_set.name.clone());
+    let name = |known: &ChannelSource| known.declared.name.clone().unwrap_or_else(|| known.ray_set.name.clone());
     let names: Vec<String> = known.iter().map(name).collect();
     let files: Vec<_> = known
         .iter()
@@ -108,7 +109,7 @@ pub async fn prospect(records: &Records, tenant: &str, new: &NewJob, threads: us
     pipeline::judge(&files, options.rays.total)?;
     let claims: Vec<(&Claims, &Declared)> = known.iter().map(|known| (&known.claims, &known.declared)).collect();
     let memory = pipeline::memory(&claims, &options, threads);
-    Ok(Prospect {
+    Ok(JobPlan {
         ray_count: claims.iter().map(|(claims, _)| claims.ray_count).sum(),
         byte_count: known.iter().map(|known| known.ray_set.byte_count).sum(),
         memory_bytes: memory.bytes,
@@ -118,7 +119,7 @@ pub async fn prospect(records: &Records, tenant: &str, new: &NewJob, threads: us
     })
 }
 
-async fn look_up(records: &Records, tenant: &str, index: usize, channel: &Channel) -> Result<Known, Error> {
+async fn look_up(records: &Records, tenant: &str, index: usize, channel: &Channel) -> Result<ChannelSource, Error> {
     let ray_set = rows::get(records, tenant, &channel.ray_set).await?;
     let ray_set = ray_set.ok_or_else(|| Error::MissingRaySet(channel.ray_set.clone()))?;
     let spectrum = match channel.spectrum_id() {
@@ -138,7 +139,7 @@ async fn look_up(records: &Records, tenant: &str, index: usize, channel: &Channe
     {
         claims.wavelength_nm = found(records, &ray_set.id).await?.wavelength_nm;
     }
-    Ok(Known { ray_set, claims, declared, of_spectrum })
+    Ok(ChannelSource { ray_set, claims, declared, of_spectrum })
 }
 
 /// What the inspection of a ray set found in its rays, as far as that matters here.
@@ -152,9 +153,9 @@ async fn found(records: &Records, ray_set: &str) -> Result<Found, storage::Error
     inspection.map_or(Ok(Found::default()), |json| serde_json::from_str(&json).map_err(unreadable))
 }
 
-fn digest<'a>(known: &'a [Known], options: &'a pipeline::Options) -> Result<String, storage::Error> {
-    let channel = |known: &'a Known| {
-        let Known { ray_set, declared, .. } = known;
+fn digest<'a>(known: &'a [ChannelSource], options: &'a pipeline::Options) -> Result<String, storage::Error> {
+    let channel = |known: &'a ChannelSource| {
+        let ChannelSource { ray_set, declared, .. } = known;
         File { sha256: &ray_set.sha256, name: &ray_set.name, declared, noticed: known.noticed() }
     };
     let channels = known.iter().map(channel).collect();

@@ -20,7 +20,7 @@ macro_rules! needed {
 }
 pub(super) use needed;
 
-/// What the jobs of this process may need together. Cheap to clone.
+/// The memory budget for all jobs of this process. Cheap to clone.
 #[derive(Clone)]
 pub struct Memory {
     limit_bytes: u64,
@@ -29,19 +29,19 @@ pub struct Memory {
     metrics: Metrics,
 }
 
-/// A job that can never be begun.
+/// A job that needs more memory than the budget of this process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the job needs {needed_bytes} bytes of memory, and there are {limit_bytes}")]
 pub struct TooLarge {
-    /// What it is expected to need, bytes.
+    /// Expected memory of the job, bytes.
     pub needed_bytes: u64,
-    /// What all jobs of a process may need together, bytes.
+    /// Memory budget for all jobs of one process, bytes.
     pub limit_bytes: u64,
 }
 
-/// A job's share of it; given back when the last clone is dropped.
+/// Memory that is reserved for a job; returned to the budget when the last clone is dropped.
 #[derive(Clone, Debug, Default)]
-pub struct Held {
+pub struct MemoryReservation {
     _share: Option<Arc<Share>>,
 }
 
@@ -67,11 +67,11 @@ impl Memory {
         self.limit_bytes
     }
 
-    /// Whether a job that needs so much can ever be begun here.
+    /// Checks whether a job that needs so much memory can ever start in this process.
     ///
     /// # Errors
     /// It cannot.
-    pub fn admit(&self, needed_bytes: u64) -> Result<(), TooLarge> {
+    pub fn check_fits(&self, needed_bytes: u64) -> Result<(), TooLarge> {
         let limit_bytes = self.limit_bytes;
         if needed_bytes > limit_bytes { Err(TooLarge { needed_bytes, limit_bytes }) } else { Ok(()) }
     }
@@ -81,24 +81,24 @@ impl Memory {
         self.turn.lock().await
     }
 
-    /// Takes `bytes` of what is left; `None` when less is. To be asked in one's turn.
-    pub fn hold(&self, bytes: u64) -> Option<Held> {
+    /// Reserves `bytes` of the rest of the budget; `None` if the rest is smaller. The caller must hold [`Memory::turn`].
+    pub fn reserve(&self, bytes: u64) -> Option<MemoryReservation> {
         let used = self.used_bytes.load(Ordering::Relaxed);
         let fits = used.saturating_add(bytes) <= self.limit_bytes;
         self.metrics.waits_for_memory(!fits);
         fits.then(|| {
             self.used_bytes.fetch_add(bytes, Ordering::Relaxed);
             self.metrics.job_memory(bytes.cast_signed());
-            Held { _share: Some(Arc::new(Share { bytes, memory: self.clone() })) }
+            MemoryReservation { _share: Some(Arc::new(Share { bytes, memory: self.clone() })) }
         })
     }
 
-    /// No job waits for it.
+    /// Notes that no job waits for memory.
     pub fn nobody_waits(&self) {
         self.metrics.waits_for_memory(false);
     }
 
-    /// What is held, bytes.
+    /// Memory that is reserved at present, bytes.
     pub fn used_bytes(&self) -> u64 {
         self.used_bytes.load(Ordering::Relaxed)
     }
@@ -116,15 +116,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_held_is_not_given_twice_and_comes_back() {
+    fn reserved_memory_is_not_given_twice_and_comes_back() {
         let memory = Memory::new(100, Metrics::new());
-        let first = memory.hold(60).unwrap();
-        assert!(memory.hold(41).is_none() && memory.hold(u64::MAX).is_none());
-        let second = memory.hold(40).unwrap();
+        let first = memory.reserve(60).unwrap();
+        assert!(memory.reserve(41).is_none() && memory.reserve(u64::MAX).is_none());
+        let second = memory.reserve(40).unwrap();
         assert_eq!(memory.used_bytes(), 100);
         let also_first = first.clone();
         drop(first);
-        assert!(memory.hold(1).is_none(), "somebody still works with it");
+        assert!(memory.reserve(1).is_none(), "somebody still works with it");
         drop((also_first, second));
         assert_eq!(memory.used_bytes(), 0);
     }

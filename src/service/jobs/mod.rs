@@ -18,7 +18,7 @@ pub mod queue;
 pub mod submit;
 /// Who is next.
 mod claim;
-/// What becomes of jobs whose worker was lost, and of those that nobody can begin.
+/// Recovery of jobs whose worker was lost, and of jobs that no worker can start.
 mod recovery;
 /// Places that tenants share.
 pub mod shares;
@@ -28,14 +28,14 @@ pub mod watcher;
 pub mod worker;
 /// What can go wrong with a job.
 pub mod error;
-/// What is to be told.
+/// Announcements of ended jobs.
 pub mod outbox;
 
 use crate::failure::StoredNotice;
 use pipeline::Notice;
 use serde::{Deserialize, Serialize};
 
-/// Where a job is.
+/// State of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum State {
@@ -47,11 +47,11 @@ pub enum State {
     Succeeded,
     /// It has a problem.
     Failed,
-    /// Nobody wants it any more.
+    /// A client cancelled the job.
     Cancelled,
 }
 
-/// Before which of its tenant's other jobs a job comes.
+/// Priority of a job among the queued jobs of its tenant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Priority {
@@ -96,7 +96,7 @@ pub const TRANSITIONS: [(State, State, &str); 8] = [
         "stop; release, when asked before; retry, when asked before; sweep, when asked before",
     ),
     (State::Running, State::Queued, "release; retry, when a store did not answer; sweep, when the worker was lost"),
-    (State::Running, State::Running, "beat"),
+    (State::Running, State::Running, "renew_lease"),
 ];
 
 impl State {

@@ -1,5 +1,5 @@
-//! What has ended becomes what is to be told. A job is announced once, in the transaction that writes its deliveries: whoever dies
-//! before that has announced nothing, and whoever looks next does.
+//! Announces ended jobs: makes webhook deliveries of them. A job is announced once, in the transaction that writes its
+//! deliveries. A process that ends before that has announced nothing; the next one does.
 
 use super::{State, ZIP};
 use crate::crash;
@@ -71,7 +71,7 @@ pub async fn announce(records: &Records) -> Result<usize, Error> {
     Ok(jobs)
 }
 
-/// Announces a job that is about to be deleted, if it has ended and nobody has yet. Right as the first statement of a
+/// Announces a job that is about to be deleted, if it has ended and is not announced yet. Must be the first statement of its
 /// transaction.
 ///
 /// # Errors
@@ -87,7 +87,7 @@ async fn announced(transaction: &mut Transaction, jobs: Statement) -> Result<usi
             Ok(ended) => ended,
             Err(error) => {
                 // One row that cannot be read must not keep all others from being told.
-                tracing::error!(%error, "the end of a job cannot be told");
+                tracing::error!(%error, "cannot write the message about the end of a job");
                 continue;
             }
         };
@@ -109,39 +109,39 @@ async fn announced(transaction: &mut Transaction, jobs: Statement) -> Result<usi
     Ok(jobs.len())
 }
 
-/// A job that has ended, as endpoints hear of it; the links lead to the rest.
+/// A job that has ended, as webhooks receive it; the links lead to the rest.
 #[derive(Serialize, utoipa::ToSchema)]
 pub struct EndedJob {
-    /// Its identifier.
+    /// Identifier of the job.
     id: String,
-    /// How it has ended.
+    /// State in which the job ended.
     state: State,
-    /// How often it was begun.
+    /// Number of attempts at the job.
     attempt: i64,
-    /// Why it failed, if it did: as the job tells.
+    /// Why the job failed, as in the job itself; null if it did not.
     #[schema(value_type = Option<Object>)]
     problem: Option<Failure>,
-    /// The client's own keys and values.
+    /// The client's own metadata.
     metadata: Metadata,
-    /// When it was accepted, epoch ms.
+    /// When the job was accepted, epoch ms.
     created_ms: i64,
-    /// When it was last begun, epoch ms.
+    /// When the job was last started, epoch ms; null if it was not.
     started_ms: Option<i64>,
-    /// When it ended, epoch ms.
+    /// When the job ended, epoch ms.
     finished_ms: i64,
-    /// Where things are.
+    /// Addresses of related objects.
     links: EndedLinks,
 }
 
-/// Where an ended job's things are, on the service that tells of it.
+/// Addresses that belong to an ended job.
 #[derive(Serialize, utoipa::ToSchema)]
 pub struct EndedLinks {
-    /// Itself.
+    /// Address of this object.
     #[serde(rename = "self")]
     this: String,
-    /// The list of its artifacts; null unless it has succeeded.
+    /// List of the artifacts; null unless the job has succeeded.
     artifacts: Option<String>,
-    /// All of them in one zip; null unless it has succeeded.
+    /// Zip file of all artifacts; null unless the job has succeeded.
     zip: Option<String>,
 }
 
@@ -174,7 +174,7 @@ fn ended(row: &Row) -> Result<(Event, EndedJob), Error> {
     Ok((event, job))
 }
 
-/// What endpoints are told of a job that has come to this state; `None` before its end.
+/// The event for a job in this state; `None` before its end.
 fn event_of(state: State) -> Option<Event> {
     match state {
         State::Succeeded => Some(Event::Succeeded),

@@ -1,4 +1,4 @@
-//! What is known of jobs; changes nothing.
+//! Reads jobs from the database; changes nothing.
 
 use super::request::{Channel, TotalFlux};
 use super::{Priority, State};
@@ -17,99 +17,99 @@ use std::time::Duration;
 /// Ended jobs that an estimate is made from.
 const LATEST: i64 = 21;
 
-/// A job as its rows have it.
+/// A job, read from its rows.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// UUIDv7.
+    /// Identifier of the job, a UUIDv7.
     pub id: String,
-    /// Where it is.
+    /// State of the job.
     pub state: State,
-    /// The channels of its source, in order.
+    /// The channels of the source, in order.
     pub channels: Vec<Channel>,
-    /// Total flux of its source, of which the channels have shares.
+    /// Total flux of the source, of which the channels have shares.
     pub total: Option<TotalFlux>,
-    /// What the client chose.
+    /// Options of the job.
     pub options: Options,
-    /// How often it was begun.
+    /// Number of attempts at the job.
     pub attempt: u32,
-    /// Somebody asked to cancel it.
+    /// Whether a client asked to cancel the job.
     pub cancel_requested: bool,
-    /// The stage it is in; `None` before the first.
+    /// Stage of the computation; `None` before the first.
     pub stage: Option<Stage>,
-    /// How much of that stage is done, 0..=1.
+    /// Fraction of that stage that is done, 0..=1.
     pub stage_progress: f64,
-    /// Before which of its tenant's other jobs it comes.
+    /// Priority of the job among the queued jobs of its tenant.
     pub priority: Priority,
-    /// Longest attempt that the client asked for, s.
+    /// Time limit of an attempt that the client asked for, s.
     pub timeout_s: Option<u32>,
-    /// What its client says of it.
+    /// The client's own metadata.
     pub metadata: Metadata,
-    /// Most memory that computing it is expected to need, bytes.
+    /// Expected peak memory of the computation, bytes.
     pub memory_bytes: u64,
-    /// Place in its tenant's line from 1, while queued.
+    /// Position in the queue of the tenant, from 1, while the job is queued.
     pub queue_position: Option<u64>,
-    /// Why it failed, if so.
+    /// Why the job failed, if it did.
     pub failure: Option<Failure>,
-    /// What was repaired, dropped or odd, once succeeded.
+    /// Notices about data that was repaired, dropped or unusual, once the job has succeeded.
     pub notices: Vec<StoredNotice>,
-    /// When it was accepted, epoch ms.
+    /// When the job was accepted, epoch ms.
     pub created_ms: i64,
-    /// When it was last begun, epoch ms.
+    /// When the last attempt began, epoch ms.
     pub started_ms: Option<i64>,
-    /// When it ended, epoch ms.
+    /// When the job ended, epoch ms.
     pub finished_ms: Option<i64>,
 }
 
-/// How far a job is: what changes while it is watched.
+/// State and progress of a job: what changes while a client watches it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Standing {
-    /// Where it is.
+pub struct JobStatus {
+    /// State of the job.
     pub state: State,
-    /// How often it was begun.
+    /// Number of attempts at the job.
     pub attempt: u32,
-    /// The stage it is in; `None` before the first.
+    /// Stage of the computation; `None` before the first.
     pub stage: Option<Stage>,
-    /// How much of that stage is done, 0..=1.
+    /// Fraction of that stage that is done, 0..=1.
     pub stage_progress: f64,
-    /// Place in the queue from 1, while queued.
+    /// Position in the queue of the tenant, from 1, while the job is queued.
     pub queue_position: Option<u64>,
 }
 
 /// All of a job that can change after it was queued: where two stamps are equal, the job is the same.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stamp {
-    /// How far it is.
-    pub standing: Standing,
-    /// Somebody asked to cancel it.
+    /// State and progress of the job.
+    pub status: JobStatus,
+    /// Whether a client asked to cancel the job.
     pub cancel_requested: bool,
-    /// Before which of its tenant's other jobs it comes.
+    /// Priority of the job among the queued jobs of its tenant.
     pub priority: Priority,
-    /// Longest attempt that the client asked for, s.
+    /// Time limit of an attempt that the client asked for, s.
     pub timeout_s: Option<u32>,
-    /// When it was last begun, epoch ms.
+    /// When the last attempt began, epoch ms.
     pub started_ms: Option<i64>,
-    /// When it ended, epoch ms.
+    /// When the job ended, epoch ms.
     pub finished_ms: Option<i64>,
 }
 
 impl From<&Job> for Stamp {
     fn from(job: &Job) -> Stamp {
         let Job { cancel_requested, priority, timeout_s, started_ms, finished_ms, .. } = *job;
-        Stamp { standing: Standing::from(job), cancel_requested, priority, timeout_s, started_ms, finished_ms }
+        Stamp { status: JobStatus::from(job), cancel_requested, priority, timeout_s, started_ms, finished_ms }
     }
 }
 
-impl From<&Job> for Standing {
-    fn from(job: &Job) -> Standing {
+impl From<&Job> for JobStatus {
+    fn from(job: &Job) -> JobStatus {
         let Job { state, attempt, stage, stage_progress, queue_position, .. } = *job;
-        Standing { state, attempt, stage, stage_progress, queue_position }
+        JobStatus { state, attempt, stage, stage_progress, queue_position }
     }
 }
 
-/// A file a job gave.
+/// An artifact of a job, as it is stored.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StoredArtifact {
-    /// Path in the zip.
+    /// Name of the artifact: its path in the zip file.
     pub name: String,
     /// Media type.
     pub media_type: String,
@@ -117,7 +117,7 @@ pub struct StoredArtifact {
     pub byte_count: u64,
     /// SHA-256, lower-case hex.
     pub sha256: String,
-    /// Key of its blob.
+    /// Key of the blob in the object store.
     pub blob: String,
 }
 
@@ -165,20 +165,20 @@ const WITH_METADATA_OF_RAY_SET_IN_STATE: &str = page!(
     with metadata "AND jobs.id IN (SELECT job_id FROM job_inputs WHERE ray_set_id = $9) AND jobs.state = $10 "
 );
 
-/// Which jobs of a tenant are meant; all where nothing is said.
+/// Selects jobs of a tenant; the default selects all.
 #[derive(Clone, Debug, Default)]
 pub struct Filter {
-    /// In one of these states; any where there is none.
+    /// Jobs in one of these states; empty means any state.
     pub states: Vec<State>,
-    /// With this ray set among its channels.
+    /// Jobs with this ray set among their channels.
     pub ray_set: Option<String>,
-    /// Of this priority.
+    /// Jobs of this priority.
     pub priority: Option<Priority>,
-    /// Accepted later, epoch ms.
+    /// Jobs accepted later than this, epoch ms.
     pub created_after_ms: Option<i64>,
-    /// Accepted earlier, epoch ms.
+    /// Jobs accepted earlier than this, epoch ms.
     pub created_before_ms: Option<i64>,
-    /// With all of these keys and values.
+    /// Jobs whose metadata has all of these keys and values.
     pub metadata: Metadata,
 }
 
@@ -285,7 +285,7 @@ pub async fn stamps(records: &Records, ids: &[String]) -> Result<HashMap<String,
 
 fn stamp(row: &Row) -> Result<Stamp, Error> {
     Ok(Stamp {
-        standing: standing(row)?,
+        status: status(row)?,
         cancel_requested: row.number("cancel_requested")? != 0,
         priority: Priority::from_number(row.number("priority")?).unwrap_or_default(),
         timeout_s: row.optional_number("timeout_ms")?.and_then(|ms| u32::try_from(ms / 1000).ok()),
@@ -294,11 +294,11 @@ fn stamp(row: &Row) -> Result<Stamp, Error> {
     })
 }
 
-fn standing(row: &Row) -> Result<Standing, Error> {
+fn status(row: &Row) -> Result<JobStatus, Error> {
     let state = row.text("state")?;
     let state = State::parse(&state).ok_or_else(|| Error::fault(format!("job state {state:?}")))?;
     let stage = row.optional_text("stage")?;
-    Ok(Standing {
+    Ok(JobStatus {
         state,
         attempt: u32::try_from(row.number("attempt")?).unwrap_or(0),
         stage: stage.and_then(|name| Stage::ALL.into_iter().find(|stage| stage.name() == name)),
@@ -351,8 +351,8 @@ pub async fn artifact_named(records: &Records, id: &str, name: &str) -> Result<O
 
 async fn job(records: &Records, row: &Row) -> Result<Job, Error> {
     let id = row.text("id")?;
-    let Stamp { standing, cancel_requested, priority, timeout_s, started_ms, finished_ms } = stamp(row)?;
-    let Standing { state, attempt, stage, stage_progress, queue_position } = standing;
+    let Stamp { status, cancel_requested, priority, timeout_s, started_ms, finished_ms } = stamp(row)?;
+    let JobStatus { state, attempt, stage, stage_progress, queue_position } = status;
     let failure = row.optional_text("failure")?;
     Ok(Job {
         channels: channels(records, &id).await?,
@@ -391,7 +391,7 @@ fn stored<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, Error> {
     serde_json::from_str(text).map_err(Error::fault)
 }
 
-/// What waits and what runs.
+/// Counts the queued and running jobs of all processes.
 ///
 /// # Errors
 /// The database did not answer.

@@ -1,10 +1,10 @@
-//! Every change of a job's state, one statement each; the first two are in `submit.rs` and `claim.rs`, those that nobody asks
-//! for in `recovery.rs`. At least once begun, exactly once published: a worker's write names the fence its claim gave it, and
-//! zero rows changed means that the lease was lost and the result is nobody's.
+//! Every change of a job's state, one statement each; the first two are in `submit.rs` and `claim.rs`, the automatic ones in
+//! `recovery.rs`. A job is started at least once and published exactly once: every statement of a worker names the fence of its
+//! claim, and if it changes no row, the lease was lost and the result is dropped.
 
 pub use super::error::Error;
-use super::estimate::{Prospect, prospect};
-use super::memory_budget::{Held, Memory};
+use super::estimate::{JobPlan, plan};
+use super::memory_budget::{Memory, MemoryReservation};
 use super::query::StoredArtifact;
 use super::recent::Recent;
 use super::request::NewJob;
@@ -24,40 +24,40 @@ use tokio::sync::{Notify, watch};
 /// The back-off after a store did not answer grows no further than 2⁶ times the first.
 const MAX_DOUBLINGS: u32 = 6;
 
-/// A job taken by this worker, until its lease ends.
+/// A job that this worker has claimed, until its lease ends.
 #[derive(Clone, Debug, Default)]
 pub struct Claim {
-    /// The job.
+    /// Identifier of the job.
     pub id: String,
-    /// Whose it is.
+    /// Tenant of the job.
     pub tenant: String,
-    /// Names this claim among all of the job's.
+    /// Number of this claim, unique among all claims of the job: later statements name it, so that a lost lease is noticed.
     pub fence: i64,
-    /// How often it was begun, this time included.
+    /// Number of attempts at the job, this one included.
     pub attempt: i64,
-    /// The client's choice, as stored.
+    /// Options of the job, as the JSON that is stored.
     pub options: String,
-    /// Longest that this attempt may take.
+    /// Time limit of this attempt.
     pub timeout: Duration,
-    /// Its memory.
-    pub held: Held,
+    /// The memory that is reserved for the job in this process.
+    pub memory: MemoryReservation,
 }
 
 impl Claim {
-    /// Where this attempt may write blobs.
+    /// Folder of the blobs that this attempt may write.
     pub fn folder(&self) -> String {
         format!("{}/{}", job_folder(&self.id), self.fence)
     }
 }
 
-/// What a beat brings back.
+/// What the worker of a job learns when it renews the lease.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Beat {
-    /// Go on.
-    Go,
+pub enum Lease {
+    /// The lease is renewed: go on.
+    Held,
     /// A client asked to cancel.
-    Cancel,
-    /// The lease is another's; stop, and keep nothing.
+    CancelRequested,
+    /// The lease belongs to another worker: stop, and keep nothing.
     Lost,
 }
 
@@ -81,9 +81,9 @@ pub struct Queue {
     changes: watch::Sender<()>,
 }
 
-/// A change of one job that this process is about to make. Dropped, done or not: the job is read anew by whoever asks for it, and
-/// those who wait for it are told. It is made before the statement. Where a client goes away meanwhile, the statement may still be
-/// carried out afterwards; the comparison at every poll finds that.
+/// A change of one job that this process is about to make. When this is dropped, whether the change was made or not, the job is
+/// removed from the cache and the waiting clients are woken. It is made before the statement. Where a client goes away meanwhile,
+/// the statement may still be carried out afterwards; the comparison at every poll finds that.
 pub(super) struct Change<'a> {
     queue: &'a Queue,
     tenant: &'a str,
@@ -93,16 +93,16 @@ pub(super) struct Change<'a> {
 
 impl Drop for Change<'_> {
     fn drop(&mut self) {
-        self.queue.recent.forget(self.tenant, self.id);
+        self.queue.recent.invalidate(self.tenant, self.id);
         if self.moves_line {
-            self.queue.recent.forget_line(self.tenant);
+            self.queue.recent.invalidate_waiting(self.tenant);
         }
         self.queue.changes.send_replace(());
     }
 }
 
 impl Queue {
-    /// The queue in `storage`, under a fresh name.
+    /// The queue in `storage`, for a process with a new name.
     pub fn new(storage: Storage, lease: Duration, max_attempts: u32) -> Queue {
         let process = new_id();
         let owner = format!("{process}.0");
@@ -149,25 +149,25 @@ impl Queue {
         &self.recent
     }
 
-    /// What a job of `tenant` will be.
+    /// Checks and estimates a job that `tenant` requests.
     ///
     /// # Errors
-    /// As [`prospect`].
-    pub async fn prospect(&self, tenant: &str, new: &NewJob) -> Result<Prospect, Error> {
-        prospect(&self.storage.records, tenant, new, self.threads).await
+    /// As [`plan`](super::estimate::plan).
+    pub async fn plan(&self, tenant: &str, new: &NewJob) -> Result<JobPlan, Error> {
+        plan(&self.storage.records, tenant, new, self.threads).await
     }
 
-    /// What this process's jobs may need together.
+    /// The memory budget for all jobs of this process.
     pub fn memory(&self) -> &Memory {
         &self.memory
     }
 
-    /// Longest that an attempt may take.
+    /// Time limit of every attempt.
     pub fn longest(&self) -> Duration {
         self.longest
     }
 
-    /// A slot of this process that waits may look again.
+    /// Wakes a waiting slot of this process, which then looks for a job.
     pub fn nudge(&self) {
         self.wake.notify_one();
     }
@@ -196,29 +196,34 @@ impl Queue {
     /// This process has changed so many jobs, whose names it does not know.
     pub(super) fn changed_some(&self, count: u64) -> bool {
         if count > 0 {
-            self.recent.forget_all();
+            self.recent.invalidate_all();
             self.changes.send_replace(());
         }
         count > 0
     }
 
-    /// Renews the lease, tells of progress, hears of a cancellation.
+    /// Renews the lease of a claimed job, stores its progress, and returns whether the job is to be cancelled.
     ///
     /// # Errors
     /// The database did not answer.
-    pub async fn beat(&self, claim: &Claim, stage: Option<&str>, progress: f64) -> Result<Beat, storage::Error> {
-        let beat = "UPDATE jobs SET lease_until_ms = {now} + $1, stage = $2, stage_progress = $3 \
+    pub async fn renew_lease(
+        &self,
+        claim: &Claim,
+        stage: Option<&str>,
+        progress: f64,
+    ) -> Result<Lease, storage::Error> {
+        let renew = "UPDATE jobs SET lease_until_ms = {now} + $1, stage = $2, stage_progress = $3 \
                     WHERE id = $4 AND fence = $5 AND state = 'running' RETURNING cancel_requested";
-        let beat = sql(beat).bind(self.lease_ms).bind(stage).bind(progress);
+        let renew = sql(renew).bind(self.lease_ms).bind(stage).bind(progress);
         // Nobody's place in the line is another for it.
         let _change = Change { queue: self, tenant: &claim.tenant, id: &claim.id, moves_line: false };
         let mut transaction = self.storage.records.begin().await?;
-        let rows = transaction.read(beat.bind(claim.id.as_str()).bind(claim.fence)).await?;
+        let rows = transaction.read(renew.bind(claim.id.as_str()).bind(claim.fence)).await?;
         transaction.commit().await?;
         match rows.first() {
-            None => Ok(Beat::Lost),
-            Some(row) if row.number("cancel_requested")? != 0 => Ok(Beat::Cancel),
-            Some(_) => Ok(Beat::Go),
+            None => Ok(Lease::Lost),
+            Some(row) if row.number("cancel_requested")? != 0 => Ok(Lease::CancelRequested),
+            Some(_) => Ok(Lease::Held),
         }
     }
 
@@ -275,7 +280,7 @@ impl Queue {
         Ok(self.storage.records.write(fail).await? > 0)
     }
 
-    /// Puts a running job back for a later attempt: a store did not answer, the job is not at fault. Nobody takes it before
+    /// Puts a running job back for a later attempt: a store did not answer, and the job is not at fault. No worker takes it before
     /// its [`back_off_ms`] is over. False when it had its last attempt, or the lease was lost.
     ///
     /// # Errors
@@ -303,7 +308,7 @@ impl Queue {
         Ok(self.storage.records.write(sql(stop).bind(claim.id.as_str()).bind(claim.fence)).await? > 0)
     }
 
-    /// Gives a running job back untried: this process stops, the job is not at fault.
+    /// Gives a running job back untried: this process stops, and the job is not at fault.
     ///
     /// # Errors
     /// The database did not answer.
@@ -316,7 +321,7 @@ impl Queue {
         Ok(self.storage.records.write(sql(release).bind(claim.id.as_str()).bind(claim.fence)).await? > 0)
     }
 
-    /// Asks to cancel: a queued job ends at once, a running one at its worker's next beat.
+    /// Asks to cancel: a queued job ends at once, a running one at its worker's next renewal of its lease.
     ///
     /// # Errors
     /// [`Error::Missing`]; [`Error::State`] when it has ended; [`Error::Storage`].
@@ -333,7 +338,7 @@ impl Queue {
         Err(self.refusal(tenant, id).await?)
     }
 
-    /// Forgets an ended job: announces it, if nobody has yet; then rows first, then blobs.
+    /// Deletes an ended job: announces its end if that is not done, then deletes its rows, then its blobs.
     ///
     /// # Errors
     /// [`Error::Missing`]; [`Error::State`] when it has not ended; [`Error::Storage`].
@@ -341,7 +346,7 @@ impl Queue {
         self.delete_unused(tenant, id, Duration::ZERO).await
     }
 
-    /// The same, unless somebody asked for its result again within `age`.
+    /// Deletes an ended job as [`Queue::delete`] does, unless a client asked for its result again within `age`.
     ///
     /// # Errors
     /// As [`Queue::delete`]; [`Error::State`] when it was used.
@@ -376,7 +381,7 @@ fn back_off_ms(lease_ms: i64, claim: &Claim) -> i64 {
     least_ms.saturating_add(least_ms / 2 * share / (1 << 16))
 }
 
-/// A value as its row has it.
+/// A value as the JSON that its row has.
 ///
 /// # Errors
 /// Never in practice: keys are text.

@@ -1,6 +1,6 @@
-//! Jobs that clients asked for lately, as they were read: who polls is answered from memory. What this process changes is forgotten
-//! with the change. What others change: on engines of our own, where nobody else has a right to, it is looked for once per poll; on
-//! shared engines every answer is compared with the database first, all of those who ask at once with one statement.
+//! A cache of the jobs that clients asked for lately: polling is answered from memory. A change of this process removes the job
+//! from the cache. Changes of other processes: where this process has the stores alone, it looks for them once per poll; on shared
+//! engines every answer is compared with the database first, with one statement for all requests at the same time.
 
 use super::query;
 use super::query::{Job, Stamp};
@@ -19,32 +19,32 @@ use tokio::time::{Instant, timeout};
 
 /// Most jobs kept: about 10 MB of ordinary ones.
 const JOBS: usize = 2048;
-/// Most channels and notices of a job that is kept; one with more is read whenever somebody asks for it.
+/// Most channels and notices of a job that is kept; a job with more is read from the database for every request.
 const LINES: usize = 24;
 /// Length of an identifier of ours, characters; nothing else is remembered.
 const ID_CHARS: usize = 36;
-/// Reads at once of different jobs; those of one job take turns.
+/// Largest number of simultaneous reads of different jobs; reads of one job take turns.
 const TURNS: usize = 64;
 /// Longest wait for another's read of the same job.
 const LONGEST_TURN: Duration = Duration::from_millis(100);
-/// Nobody asked for so many polls: the job is forgotten.
+/// Number of polls without a request after which a job is removed from the cache.
 const IDLE_POLLS: u32 = 30;
 /// So many polls without a comparison, and a job is not believed any more: the database did not answer.
 const BELIEVED_POLLS: u32 = 3;
 
-/// A job as it was read, and the answer that was made of it.
+/// A job that was read from the database, with the HTTP answer that was made of it.
 #[derive(Debug)]
-pub struct Known {
+pub struct KnownJob {
     /// The job.
     pub job: Job,
     /// Made once, with the path that its links begin with.
     answer: OnceLock<(String, Bytes)>,
 }
 
-impl Known {
+impl KnownJob {
     /// A job that was just read.
-    pub fn new(job: Job) -> Known {
-        Known { job, answer: OnceLock::new() }
+    pub fn new(job: Job) -> KnownJob {
+        KnownJob { job, answer: OnceLock::new() }
     }
 
     /// The answer that `write` makes of the job. The first is kept, for those whose links begin with the same path, `prefix`: they
@@ -69,18 +69,18 @@ impl Known {
 /// What a client's question found in memory.
 enum Found {
     /// To be answered with.
-    True(Arc<Known>),
+    True(Arc<KnownJob>),
     /// True when it was read; the database is to be asked whether it still is.
-    Perhaps(Arc<Known>),
+    Perhaps(Arc<KnownJob>),
     Nothing,
 }
 
-/// The jobs that are remembered. Cheap to clone.
+/// The cache of jobs that clients asked for lately. Cheap to clone.
 #[derive(Clone)]
 pub struct Recent(Arc<Shared>);
 
 struct Shared {
-    kept: Mutex<Kept>,
+    entries: Mutex<Entries>,
     turns: Vec<Turn<()>>,
     records: Records,
     /// Compares with the database before every answer, where other processes may change jobs.
@@ -89,7 +89,7 @@ struct Shared {
 }
 
 /// By tenant and identifier: one tenant never finds another's.
-struct Kept {
+struct Entries {
     jobs: LruCache<String, Entry>,
     /// Reads that were begun.
     reads: u64,
@@ -99,7 +99,7 @@ struct Entry {
     tenant: String,
     id: String,
     /// `None` while it is read for the first time, by the read of this number.
-    known: Option<Arc<Known>>,
+    known: Option<Arc<KnownJob>>,
     read: u64,
     /// When it was last true.
     seen: Instant,
@@ -115,9 +115,9 @@ impl Recent {
             let records = asked.clone();
             async move { query::stamps(&records, &ids).await }.boxed()
         };
-        let kept = Kept { jobs: LruCache::new(JOBS), reads: 0 };
+        let entries = Entries { jobs: LruCache::new(JOBS), reads: 0 };
         Recent(Arc::new(Shared {
-            kept: Mutex::new(kept),
+            entries: Mutex::new(entries),
             turns: (0..TURNS).map(|_| Turn::new(())).collect(),
             records,
             stamps: (!is_alone).then(|| Together::new(read)),
@@ -129,7 +129,7 @@ impl Recent {
     ///
     /// # Errors
     /// The database did not answer.
-    pub async fn get(&self, tenant: &str, id: &str) -> Result<Option<Arc<Known>>, Error> {
+    pub async fn get(&self, tenant: &str, id: &str) -> Result<Option<Arc<KnownJob>>, Error> {
         if id.len() != ID_CHARS {
             return Ok(self.read(tenant, id).await?.map(Arc::new));
         }
@@ -143,18 +143,18 @@ impl Recent {
         if let Some(known) = self.remembered(&key, id).await? {
             return Ok(Some(known));
         }
-        let (number, begun) = (self.0.kept().begin(&key, tenant, id), Instant::now());
+        let (number, begun) = (self.0.entries().begin(&key, tenant, id), Instant::now());
         let read = self.read(tenant, id).await.map(|known| known.map(Arc::new));
-        self.0.kept().end(&key, number, begun, read.as_ref().ok().and_then(Option::as_ref));
+        self.0.entries().end(&key, number, begun, read.as_ref().ok().and_then(Option::as_ref));
         read
     }
 
-    async fn read(&self, tenant: &str, id: &str) -> Result<Option<Known>, Error> {
-        Ok(query::get(&self.0.records, tenant, id).await?.map(Known::new))
+    async fn read(&self, tenant: &str, id: &str) -> Result<Option<KnownJob>, Error> {
+        Ok(query::get(&self.0.records, tenant, id).await?.map(KnownJob::new))
     }
 
     /// What is kept, if that is true now.
-    async fn remembered(&self, key: &str, id: &str) -> Result<Option<Arc<Known>>, Error> {
+    async fn remembered(&self, key: &str, id: &str) -> Result<Option<Arc<KnownJob>>, Error> {
         let known = match self.0.find(key) {
             Found::True(known) => return Ok(Some(known)),
             Found::Nothing => return Ok(None),
@@ -164,24 +164,25 @@ impl Recent {
         if stamps.ask(id).await?.is_some_and(|stamp| stamp == Stamp::from(&known.job)) {
             return Ok(Some(known));
         }
-        self.0.kept().forget_this(key, &known);
+        self.0.entries().invalidate_same(key, &known);
         Ok(None)
     }
 
-    /// This process has changed the job `id` of `tenant`, or may have.
-    pub fn forget(&self, tenant: &str, id: &str) {
-        self.0.kept().jobs.remove(&key(tenant, id));
+    /// Removes the job `id` of `tenant` from the cache, because this process has changed it, or may have.
+    pub fn invalidate(&self, tenant: &str, id: &str) {
+        self.0.entries().jobs.remove(&key(tenant, id));
     }
 
-    /// This process has changed which jobs of `tenant` wait, or their order: the places of the others are not what they were.
-    pub fn forget_line(&self, tenant: &str) {
+    /// Removes all queued jobs of `tenant` from the cache, because this process has changed which of them are queued, or their
+    /// order, and so their positions.
+    pub fn invalidate_waiting(&self, tenant: &str) {
         let waits = |entry: &Entry| entry.known.as_ref().is_none_or(|known| known.job.queue_position.is_some());
-        self.0.kept().jobs.retain(|_, entry| entry.tenant != tenant || !waits(entry));
+        self.0.entries().jobs.retain(|_, entry| entry.tenant != tenant || !waits(entry));
     }
 
-    /// This process has changed jobs whose names it does not know.
-    pub fn forget_all(&self) {
-        self.0.kept().jobs.clear();
+    /// Removes all jobs from the cache, because this process has changed jobs whose identifiers it does not know.
+    pub fn invalidate_all(&self) {
+        self.0.entries().jobs.clear();
     }
 
     /// The jobs to compare with the database at a poll: those that clients ask for; the others are forgotten. None where every answer is
@@ -190,17 +191,17 @@ impl Recent {
         if self.0.stamps.is_some() {
             return Vec::new();
         }
-        let mut kept = self.0.kept();
+        let mut entries = self.0.entries();
         let idle = self.0.poll.saturating_mul(IDLE_POLLS);
-        kept.jobs.retain(|_, entry| entry.asked.elapsed() < idle);
-        kept.jobs.iter().filter(|(_, entry)| entry.known.is_some()).map(|(_, entry)| entry.id.clone()).collect()
+        entries.jobs.retain(|_, entry| entry.asked.elapsed() < idle);
+        entries.jobs.iter().filter(|(_, entry)| entry.known.is_some()).map(|(_, entry)| entry.id.clone()).collect()
     }
 
     /// Forgets what is not as the database had it when it was read: `stamps` of the jobs called `ids`, asked for at `begun` or
     /// later.
     pub(super) fn compare(&self, begun: Instant, ids: &[String], stamps: &HashMap<String, Stamp>) {
         let asked: HashSet<&str> = ids.iter().map(String::as_str).collect();
-        self.0.kept().jobs.retain(|_, entry| {
+        self.0.entries().jobs.retain(|_, entry| {
             let Some(known) = entry.known.as_ref().filter(|_| asked.contains(entry.id.as_str())) else { return true };
             // What was read after this look began may be newer; it is read once more.
             let is_true = stamps.get(&entry.id).is_some_and(|stamp| *stamp == Stamp::from(&known.job));
@@ -211,9 +212,9 @@ impl Recent {
 }
 
 impl Shared {
-    fn kept(&self) -> MutexGuard<'_, Kept> {
+    fn entries(&self) -> MutexGuard<'_, Entries> {
         // Nothing is left half done in there.
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+        self.entries.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn turn(&self, key: &str) -> &Turn<()> {
@@ -224,8 +225,8 @@ impl Shared {
     }
 
     fn find(&self, key: &str) -> Found {
-        let mut kept = self.kept();
-        let Some(entry) = kept.jobs.get_mut(key) else { return Found::Nothing };
+        let mut entries = self.entries();
+        let Some(entry) = entries.jobs.get_mut(key) else { return Found::Nothing };
         entry.asked = Instant::now();
         match &entry.known {
             None => Found::Nothing,
@@ -238,7 +239,7 @@ impl Shared {
     }
 }
 
-impl Kept {
+impl Entries {
     /// A read begins: a change from now on makes what it finds useless to others.
     fn begin(&mut self, key: &str, tenant: &str, id: &str) -> u64 {
         self.reads += 1;
@@ -249,7 +250,7 @@ impl Kept {
     }
 
     /// Keeps what the read of this number found, unless something has changed since it began.
-    fn end(&mut self, key: &str, number: u64, begun: Instant, found: Option<&Arc<Known>>) {
+    fn end(&mut self, key: &str, number: u64, begun: Instant, found: Option<&Arc<KnownJob>>) {
         let Some(entry) = self.jobs.peek_mut(key).filter(|entry| entry.read == number) else { return };
         match found {
             Some(known) if known.job.channels.len() + known.job.notices.len() <= LINES => {
@@ -260,7 +261,7 @@ impl Kept {
     }
 
     /// Forgets `known`, not what may have been read since.
-    fn forget_this(&mut self, key: &str, known: &Arc<Known>) {
+    fn invalidate_same(&mut self, key: &str, known: &Arc<KnownJob>) {
         let same = |entry: &Entry| entry.known.as_ref().is_some_and(|kept| Arc::ptr_eq(kept, known));
         if self.jobs.peek(key).is_some_and(same) {
             self.jobs.remove(key);
@@ -280,9 +281,9 @@ mod tests {
     use crate::metadata::Metadata;
     use pipeline::Options;
 
-    fn known(state: State) -> Arc<Known> {
+    fn known(state: State) -> Arc<KnownJob> {
         let queue_position = (state == State::Queued).then_some(1);
-        Arc::new(Known::new(Job {
+        Arc::new(KnownJob::new(Job {
             id: "j".into(),
             state,
             channels: Vec::new(),
@@ -312,8 +313,8 @@ mod tests {
     }
 
     fn keep(recent: &Recent, tenant: &str, id: &str, state: State) {
-        let number = recent.0.kept().begin(&key(tenant, id), tenant, id);
-        recent.0.kept().end(&key(tenant, id), number, Instant::now(), Some(&known(state)));
+        let number = recent.0.entries().begin(&key(tenant, id), tenant, id);
+        recent.0.entries().end(&key(tenant, id), number, Instant::now(), Some(&known(state)));
     }
 
     fn is_kept(recent: &Recent, tenant: &str, id: &str) -> bool {
@@ -329,17 +330,20 @@ mod tests {
             keep(&recent, "b", id, state);
         }
         assert!(is_kept(&recent, "a", "runs") && !is_kept(&recent, "c", "runs"), "another tenant has no such job");
-        recent.forget("a", "ended");
+        recent.invalidate("a", "ended");
         assert!(!is_kept(&recent, "a", "ended") && is_kept(&recent, "b", "ended"));
-        recent.forget_line("a");
+        recent.invalidate_waiting("a");
         assert!(!is_kept(&recent, "a", "waits") && is_kept(&recent, "a", "runs") && is_kept(&recent, "b", "waits"));
 
-        let changes: [fn(&Recent); 3] =
-            [|recent| recent.forget("a", "j"), |recent| recent.forget_line("a"), |recent| recent.forget_all()];
+        let changes: [fn(&Recent); 3] = [
+            |recent| recent.invalidate("a", "j"),
+            |recent| recent.invalidate_waiting("a"),
+            |recent| recent.invalidate_all(),
+        ];
         for change in changes {
-            let number = recent.0.kept().begin("a j", "a", "j");
+            let number = recent.0.entries().begin("a j", "a", "j");
             change(&recent);
-            recent.0.kept().end("a j", number, Instant::now(), Some(&known(State::Running)));
+            recent.0.entries().end("a j", number, Instant::now(), Some(&known(State::Running)));
             assert!(!is_kept(&recent, "a", "j"), "it may have been read before the change");
         }
         assert!(!is_kept(&recent, "b", "runs"), "all are forgotten");
@@ -371,7 +375,7 @@ mod tests {
             keep(&recent, "a", &format!("{job}"), State::Succeeded);
             assert!(is_kept(&recent, "a", "0"), "what is asked for stays");
         }
-        assert!(recent.0.kept().jobs.len() <= JOBS && !is_kept(&recent, "a", "1"));
+        assert!(recent.0.entries().jobs.len() <= JOBS && !is_kept(&recent, "a", "1"));
         let notice = crate::failure::StoredNotice {
             code: "x".into(),
             count: 1,
@@ -381,8 +385,8 @@ mod tests {
         };
         let mut long = Arc::into_inner(known(State::Succeeded)).unwrap().job;
         long.notices = vec![notice; LINES + 1];
-        let number = recent.0.kept().begin("a long", "a", "long");
-        recent.0.kept().end("a long", number, Instant::now(), Some(&Arc::new(Known::new(long))));
+        let number = recent.0.entries().begin("a long", "a", "long");
+        recent.0.entries().end("a long", number, Instant::now(), Some(&Arc::new(KnownJob::new(long))));
         assert!(!is_kept(&recent, "a", "long"));
     }
 }

@@ -1,4 +1,4 @@
-//! What becomes of jobs whose worker was lost, and of those that nobody can begin.
+//! Recovery of jobs whose worker was lost, and of jobs that no worker can start.
 
 use super::memory_budget::needed;
 use super::queue::{Queue, json};
@@ -30,13 +30,14 @@ impl Queue {
         let failure = json(&Failure::too_large(self.memory.limit_bytes()))?;
         let failed = self.storage.records.write(self.machine(sql(give_up).bind(failure))).await?;
         if self.changed_some(failed) {
-            tracing::warn!(jobs = failed, "failed jobs that need more memory than there is");
+            tracing::warn!(jobs = failed, "jobs failed: they need more memory than this service has");
         }
         Ok(())
     }
 
-    /// Takes back jobs whose lease has ended; never those of this process, whose worker may only have been slow to beat. And
-    /// those of this slot, which has none: their claim was made, and its answer lost with the connection.
+    /// Puts jobs whose lease has ended back into the queue, except jobs of this process, whose worker may only have been slow to
+    /// renew the lease. Also puts back jobs that this slot has claimed without knowing it, because the answer of the database was
+    /// lost with the connection.
     pub(super) async fn sweep(&self) -> Result<(), storage::Error> {
         let sweep = "UPDATE jobs SET \
                      state = CASE WHEN cancel_requested = 1 THEN 'cancelled' WHEN attempt >= max_attempts \
@@ -50,7 +51,7 @@ impl Queue {
         let swept = self.storage.records.write(sweep.bind(format!("{}.%", self.process))).await?;
         if self.changed_some(swept) {
             self.metrics.leases_lost(swept);
-            tracing::warn!(jobs = swept, "took back jobs of lost workers");
+            tracing::warn!(jobs = swept, "jobs of lost workers were put back into the queue");
         }
         Ok(())
     }

@@ -1,5 +1,5 @@
-//! What a source is made of, as sent and as stored: ray sets, and what a client says of each. The pipeline says what can be
-//! one source, here before anything is queued.
+//! The channels of a source, as clients send them and as they are stored: ray sets with declarations. The pipeline checks whether
+//! they form one source before the job is queued.
 
 use super::Priority;
 use super::options::JobOptions;
@@ -11,25 +11,25 @@ use pipeline::{Error, FluxOverride, Place, Table};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-/// A job to be.
+/// A request for a job.
 #[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewJob {
-    /// The ray sets that are one source, in one frame, and what is to be said of each.
+    /// The channels of the source: ray sets in one common coordinate frame, with declarations about each.
     #[schema(min_items = 1, max_items = 8)]
     pub channels: Vec<Channel>,
-    /// Total flux of the source; asked for where channels have shares of it, and only there.
+    /// Total flux of the source; required if the channels have shares of it, and not allowed otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub total: Option<TotalFlux>,
-    /// What to choose; what is left out is chosen from the rays.
+    /// Options of the computation; those that are left out follow from the rays.
     #[serde(default)]
     #[schema(nullable, value_type = JobOptions)]
     pub options: Options,
-    /// Before which of the tenant's other waiting jobs it comes. Tenants take turns whatever it is. Default: normal.
+    /// Priority among the queued jobs of the tenant. It has no effect on other tenants: tenants take turns. Default: normal.
     #[serde(default)]
     #[schema(nullable)]
     pub priority: Priority,
-    /// Longest that an attempt may take, s. Default: the service's own, which is also the most.
+    /// Longest time that an attempt may take, s. Default and upper limit: the limit of the service.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1, maximum = 4_294_967_295_u32)]
     pub timeout_s: Option<u32>,
@@ -37,8 +37,9 @@ pub struct NewJob {
     #[serde(default, skip_serializing_if = "Metadata::is_empty")]
     #[schema(nullable)]
     pub metadata: Metadata,
-    /// Answer with an equal job of the tenant where there is one: same files, names, declarations, options and computation;
-    /// waiting, running or succeeded; and with the same metadata, unless none is sent. Default: true.
+    /// Whether the answer may be an equal job of the tenant that is queued, is running or has succeeded: one with the same files,
+    /// names, declarations, options and version of the computation, and, if the request has metadata, the same metadata. Default:
+    /// true.
     #[serde(default = "yes")]
     #[schema(nullable)]
     pub reuse: bool,
@@ -48,32 +49,34 @@ fn yes() -> bool {
     true
 }
 
-/// One ray set of a source, and what goes before its file's own word. What is left out is taken from the file.
+/// One channel of a source: a ray set, and declarations that override what its file says. Fields that are left out are taken from
+/// the file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Channel {
-    /// The ray set. It may be named twice only where each naming has a flux: one set of rays that stands for two.
+    /// Identifier of the ray set. Two channels may name the same ray set only if each of them has a flux.
     #[schema(format = Uuid)]
     pub ray_set: String,
-    /// What it is called in the report. Default: the ray set's name.
+    /// Name of the channel in the report. Default: the name of the ray set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(min_length = 1, max_length = 255, example = "blue")]
     pub name: Option<String>,
-    /// Unit of its positions.
+    /// Length unit of the ray positions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub length_unit: Option<LengthUnit>,
-    /// What its flux values are: W or lm.
+    /// Whether the flux values are radiant (W) or luminous (lm).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quantity: Option<QuantityName>,
-    /// What stands in each column, for text in columns only: x, y, z, l, m, n, flux, radiant_flux, luminous_flux,
+    /// The meaning of each column, for files that are text in columns only: x, y, z, l, m, n, flux, radiant_flux, luminous_flux,
     /// wavelength_nm, wavelength_um, tristimulus_x, tristimulus_z, ignored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(max_items = 64, example = json!(["x", "y", "z", "l", "m", "n", "flux"]))]
     pub columns: Option<Vec<String>>,
-    /// The spectrum of its light.
+    /// Spectrum of the channel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spectrum: Option<SpectrumChoice>,
-    /// Its flux. It fixes W or lm; the other one scales along where a spectrum is known, and is unknown where none is.
+    /// Flux of the channel, radiant (W) or luminous (lm). The other of the two follows from the spectrum, and is unknown without
+    /// one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flux: Option<ChannelFlux>,
 }
@@ -94,7 +97,7 @@ pub enum SpectrumChoice {
 #[schema(min_items = 2, max_items = 2)]
 pub struct NumberPair(#[expect(dead_code, reason = "a schema, never a value")] Vec<f64>);
 
-/// A channel's flux.
+/// Flux of a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ChannelFlux {
@@ -108,7 +111,7 @@ pub enum ChannelFlux {
     LuminousShare(f64),
 }
 
-/// A source's flux.
+/// Total flux of a source.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TotalFlux {
@@ -119,7 +122,7 @@ pub enum TotalFlux {
 }
 
 impl NewJob {
-    /// A job of one ray set of which nothing is said, with default options.
+    /// A job of one ray set without declarations, with default options.
     pub fn of(ray_set: &str) -> NewJob {
         NewJob {
             channels: vec![Channel::of(ray_set)],
@@ -134,12 +137,12 @@ impl NewJob {
 }
 
 impl Channel {
-    /// A ray set of which nothing is said.
+    /// A channel of a ray set without declarations.
     pub fn of(ray_set: &str) -> Channel {
         Channel { ray_set: ray_set.to_owned(), ..Channel::default() }
     }
 
-    /// The uploaded spectrum it names.
+    /// Identifier of the uploaded spectrum that the channel names.
     pub fn spectrum_id(&self) -> Option<&str> {
         match &self.spectrum {
             Some(SpectrumChoice::Id(id)) => Some(id),
@@ -147,7 +150,7 @@ impl Channel {
         }
     }
 
-    /// The same, obeying `file` in what it does not say itself.
+    /// The channel with the declarations of `file` where it has none of its own.
     pub fn or(self, file: &FileDeclaration) -> Channel {
         Channel {
             length_unit: self.length_unit.or(file.length_unit),
@@ -179,7 +182,7 @@ impl Channel {
 
 fn table(index: usize, points: &[(f64, f64)]) -> Result<Table, Error> {
     Table::new(points).ok_or_else(|| {
-        let found = "The points are no spectrum.";
+        let found = "The points do not form a valid spectrum.";
         let remedy = "Give wavelengths in nm, positive and increasing, with values of 0 or more, one of them above 0.";
         Error::invalid_declaration("rays.spectrum_points", Place::Channel(index, "spectrum"), found, remedy)
     })

@@ -2,7 +2,7 @@
 //! All of it in one transaction, which holds the tenant's row: two requests at once come one after the other.
 
 use super::error::Error;
-use super::estimate::Prospect;
+use super::estimate::JobPlan;
 use super::memory_budget::needed;
 use super::queue::{Queue, json};
 use super::request::{Channel, NewJob};
@@ -15,15 +15,15 @@ use crate::{crash, storage};
 use sha2::{Digest, Sha256};
 use std::time::Duration;
 
-/// How long a key means the job it made.
+/// How long an Idempotency-Key is remembered.
 pub const KEY_LIFE: Duration = Duration::from_hours(24);
 
-/// A request under a key of its client's: however often it comes, it makes one job.
+/// A request with an Idempotency-Key: however often it arrives, it makes one job.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Keyed {
-    /// The client's word, unique within its tenant.
+    /// The key that the client chose, unique within its tenant.
     pub key: String,
-    /// SHA-256 of what was asked for, lower-case hex.
+    /// SHA-256 of the request, lower-case hex.
     pub request_sha256: String,
 }
 
@@ -37,12 +37,12 @@ impl Keyed {
     }
 }
 
-/// What came of a request.
+/// The job that a request is answered with.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Queued {
-    /// The job.
+    /// Identifier of the job.
     pub id: String,
-    /// It was there before.
+    /// Whether the job existed before the request.
     pub reused: bool,
 }
 
@@ -50,8 +50,8 @@ pub struct Queued {
 const BATCH: i64 = 1000;
 
 /// What gives, or gave, the same ($2) to the tenant ($1), and nobody wants it to end: it has succeeded, or runs and may take as
-/// long as is asked ($5, ms; -1: as long as any), or waits and can be begun here (with $3 bytes on $4 threads). It has the metadata
-/// that are sent ($6), unless none are: whoever looks for a job by its metadata must find it.
+/// long as is asked ($5, ms; -1: as long as any), or waits and can be begun here (with $3 bytes on $4 threads). It has the
+/// metadata that are sent ($6), unless none are: a client that searches for a job by its metadata must find it.
 macro_rules! equal {
     ($before:literal, $after:literal) => {
         concat!(
@@ -67,8 +67,8 @@ macro_rules! equal {
 }
 
 const EQUAL: &str = equal!("", "");
-/// It is used now, as urgent as the more urgent of the two ($7), and while it waits it may take the longer of both times.
-/// Whoever cancels or deletes it does not hold the tenant's row: it may be another's last moment.
+/// It is used now, as urgent as the more urgent of the two ($7), and while it waits it may take the longer of both times. A
+/// request that cancels or deletes the job does not lock the row of the tenant, so that the job may change at this moment.
 const REUSE: &str = equal!(
     "UPDATE jobs SET used_ms = {now}, priority = CASE WHEN $7 < priority THEN $7 ELSE priority END, \
      timeout_ms = CASE WHEN state <> 'queued' THEN timeout_ms WHEN $5 = -1 THEN NULL \
@@ -77,31 +77,26 @@ const REUSE: &str = equal!(
 );
 
 impl Queue {
-    /// What a request under this key came to before, if it came.
+    /// The job that an earlier request with this Idempotency-Key made, if there was one.
     ///
     /// # Errors
     /// [`Error::KeyReused`] for another request, [`Error::KeySpent`] when its job was deleted, [`Error::Storage`].
     pub async fn answered(&self, tenant: &str, keyed: &Keyed) -> Result<Option<Queued>, Error> {
         let row = self.storage.records.read_one(find(tenant, keyed)).await?;
-        row.map(|row| told(&row, keyed)).transpose()
+        row.map(|row| remembered(&row, keyed)).transpose()
     }
 
     /// The job that `new` would be answered with, if there is one.
     ///
     /// # Errors
     /// The database did not answer.
-    pub async fn equal(
-        &self,
-        tenant: &str,
-        new: &NewJob,
-        prospect: &Prospect,
-    ) -> Result<Option<String>, storage::Error> {
-        let Some(content) = prospect.content_sha256.as_deref().filter(|_| new.reuse) else { return Ok(None) };
+    pub async fn equal(&self, tenant: &str, new: &NewJob, plan: &JobPlan) -> Result<Option<String>, storage::Error> {
+        let Some(content) = plan.content_sha256.as_deref().filter(|_| new.reuse) else { return Ok(None) };
         let row = self.storage.records.read_one(self.as_equal(EQUAL, tenant, content, new)?).await?;
         row.map(|row| row.text("id")).transpose()
     }
 
-    /// Accepts a job of `tenant`: from here on it will be done, whatever happens to this process.
+    /// Queues a job of `tenant`: once this returns, the job will be computed even if this process fails.
     ///
     /// # Errors
     /// [`Error::MissingRaySet`], [`Error::MissingSpectrum`], [`Error::TooLarge`], [`Error::Quota`]; as [`Queue::answered`].
@@ -109,11 +104,11 @@ impl Queue {
         &self,
         tenant: &str,
         new: &NewJob,
-        prospect: &Prospect,
+        plan: &JobPlan,
         keyed: Option<&Keyed>,
     ) -> Result<Queued, Error> {
         let mut transaction = self.storage.records.begin().await?;
-        let queued = match self.enqueue_in(&mut transaction, tenant, new, prospect, keyed).await {
+        let queued = match self.enqueue_in(&mut transaction, tenant, new, plan, keyed).await {
             Ok(queued) => queued,
             Err(failed @ Error::Storage(_)) => return Err(failed),
             Err(refused) => {
@@ -136,21 +131,21 @@ impl Queue {
         transaction: &mut Transaction,
         tenant: &str,
         new: &NewJob,
-        prospect: &Prospect,
+        plan: &JobPlan,
         keyed: Option<&Keyed>,
     ) -> Result<Queued, Error> {
-        let held = self.quota.hold(transaction, tenant).await?;
+        let usage = self.quota.lock(transaction, tenant).await?;
         if let Some(keyed) = keyed
             && let Some(row) = transaction.read(find(tenant, keyed)).await?.first()
         {
-            return told(row, keyed);
+            return remembered(row, keyed);
         }
-        let queued = match self.reused(transaction, tenant, new, prospect).await? {
+        let queued = match self.reused(transaction, tenant, new, plan).await? {
             Some(id) => Queued { id, reused: true },
             None => {
-                held.admit_job()?;
-                self.memory.admit(prospect.memory_bytes)?;
-                Queued { id: self.insert(transaction, tenant, new, prospect).await?, reused: false }
+                usage.check_job()?;
+                self.memory.check_fits(plan.memory_bytes)?;
+                Queued { id: self.insert(transaction, tenant, new, plan).await?, reused: false }
             }
         };
         if let Some(keyed) = keyed {
@@ -176,9 +171,9 @@ impl Queue {
         transaction: &mut Transaction,
         tenant: &str,
         new: &NewJob,
-        prospect: &Prospect,
+        plan: &JobPlan,
     ) -> Result<Option<String>, storage::Error> {
-        let Some(content) = prospect.content_sha256.as_deref().filter(|_| new.reuse) else { return Ok(None) };
+        let Some(content) = plan.content_sha256.as_deref().filter(|_| new.reuse) else { return Ok(None) };
         let reuse = self.as_equal(REUSE, tenant, content, new)?.bind(new.priority.number());
         transaction.read(reuse).await?.first().map(|row| row.text("id")).transpose()
     }
@@ -188,7 +183,7 @@ impl Queue {
         transaction: &mut Transaction,
         tenant: &str,
         new: &NewJob,
-        prospect: &Prospect,
+        plan: &JobPlan,
     ) -> Result<String, Error> {
         let id = new_id();
         let insert = "INSERT INTO jobs (tenant, id, state, options, attempt, max_attempts, fence, cancel_requested, \
@@ -200,10 +195,10 @@ impl Queue {
         let total = new.total.as_ref().map(json).transpose()?;
         let insert = insert.bind(i64::from(self.max_attempts)).bind(total.as_deref());
         let insert = insert.bind(new.priority.number()).bind(timeout_ms(new));
-        let threads = i64::try_from(prospect.memory_threads).unwrap_or(i64::MAX);
-        let insert = insert.bind(prospect.memory_bytes.cast_signed()).bind(threads);
-        let insert = insert.bind(prospect.thread_bytes.cast_signed()).bind(prospect.ray_count.cast_signed());
-        let insert = insert.bind(prospect.content_sha256.as_deref()).bind(rows::written(&new.metadata)?);
+        let threads = i64::try_from(plan.memory_threads).unwrap_or(i64::MAX);
+        let insert = insert.bind(plan.memory_bytes.cast_signed()).bind(threads);
+        let insert = insert.bind(plan.thread_bytes.cast_signed()).bind(plan.ray_count.cast_signed());
+        let insert = insert.bind(plan.content_sha256.as_deref()).bind(rows::written(&new.metadata)?);
         transaction.write(insert).await?;
         rows::of_job(transaction, tenant, &id, &new.metadata).await?;
         for (position, channel) in new.channels.iter().enumerate() {
@@ -212,20 +207,20 @@ impl Queue {
         Ok(id)
     }
 
-    /// Forgets the oldest keys that mean nothing any more, up to 1000; how many.
+    /// Deletes the oldest expired Idempotency-Keys, up to 1000, and returns their number.
     ///
     /// # Errors
     /// The database did not answer.
-    pub async fn forget_keys(&self) -> Result<u64, storage::Error> {
+    pub async fn delete_old_keys(&self) -> Result<u64, storage::Error> {
         // Said twice: a key that is used again while this statement waits for it is a new one.
-        let forget = "DELETE FROM idempotency_keys WHERE created_ms <= {now} - $1 AND (tenant, key) IN \
+        let delete = "DELETE FROM idempotency_keys WHERE created_ms <= {now} - $1 AND (tenant, key) IN \
                       (SELECT tenant, key FROM idempotency_keys WHERE created_ms <= {now} - $1 \
                        ORDER BY created_ms LIMIT $2)";
-        self.storage.records.write(sql(forget).bind(ms(KEY_LIFE)).bind(BATCH)).await
+        self.storage.records.write(sql(delete).bind(ms(KEY_LIFE)).bind(BATCH)).await
     }
 }
 
-/// Nobody deletes the ray set or the spectrum before the job that needs it is known.
+/// Locks the ray set and the spectrum, so that they cannot be deleted before the job that needs them is stored.
 async fn insert_channel(
     transaction: &mut Transaction,
     tenant: &str,
@@ -269,7 +264,7 @@ fn find(tenant: &str, keyed: &Keyed) -> Statement {
     sql(find).bind(tenant).bind(keyed.key.as_str()).bind(ms(KEY_LIFE))
 }
 
-fn told(row: &Row, keyed: &Keyed) -> Result<Queued, Error> {
+fn remembered(row: &Row, keyed: &Keyed) -> Result<Queued, Error> {
     if row.text("request_sha256")? != keyed.request_sha256 {
         return Err(Error::KeyReused(keyed.key.clone()));
     }

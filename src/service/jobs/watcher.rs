@@ -1,7 +1,7 @@
-//! Tells clients that their jobs change: one reader of the database for everybody who waits in this process, not one each.
+//! Reports changes of jobs to the clients that wait for them: one reader of the database for all clients of this process.
 
 use super::query;
-use super::query::Standing;
+use super::query::JobStatus;
 use super::recent::Recent;
 use super::shares::{Share, Shares};
 use crate::storage::records::Records;
@@ -11,16 +11,16 @@ use std::time::Duration;
 use tokio::sync::{Notify, watch};
 use tokio::time::{Instant, sleep, sleep_until};
 
-/// Least time between two looks: what changes together is told together.
+/// Least time between two looks, so that changes at the same time are reported together.
 const GAP: Duration = Duration::from_millis(50);
 
-/// Those who wait, and what they wait for. Cheap to clone.
+/// The waiting clients and their jobs. Cheap to clone.
 #[derive(Clone)]
 pub struct Watcher(Arc<Shared>);
 
 struct Shared {
     watched: Mutex<Watched>,
-    /// Somebody began to wait.
+    /// A client began to wait.
     begun: Notify,
     places: Shares,
 }
@@ -37,7 +37,7 @@ struct Watched {
 struct News {
     look: u64,
     /// `None` when the job is not there.
-    standing: Option<Standing>,
+    status: Option<JobStatus>,
 }
 
 impl Watcher {
@@ -48,7 +48,7 @@ impl Watcher {
 
     /// Watches a job of `tenant` that was `known` to be so a moment ago; `None` when too many clients wait already, all together
     /// or of this tenant.
-    pub fn watch(&self, tenant: &str, id: &str, known: Standing) -> Option<Watching> {
+    pub fn watch(&self, tenant: &str, id: &str, known: JobStatus) -> Option<Watching> {
         let place = self.0.places.take(tenant)?;
         let mut watched = self.0.watched();
         // A look that has begun may have read the job before this client did.
@@ -59,8 +59,8 @@ impl Watcher {
         Some(Watching { id: id.to_owned(), known, since, news, shared: Arc::clone(&self.0), _place: place })
     }
 
-    /// Looks at the jobs that somebody waits for: when this process `changes` a job, and every `poll` for what others changed; with
-    /// the latter at the `recent` ones too. Without either the database is left alone.
+    /// Reads the jobs that clients wait for: when this process `changes` a job, and every `poll` for the changes of other
+    /// processes; with the latter at the `recent` ones too. Without either the database is left alone.
     pub async fn keep_up(self, records: Records, recent: Recent, mut changes: watch::Receiver<()>, poll: Duration) {
         let mut next = Instant::now();
         loop {
@@ -97,7 +97,7 @@ impl Watcher {
         let mut stamps = match query::stamps(records, &ids).await {
             Ok(stamps) => stamps,
             Err(error) => {
-                tracing::warn!(%error, "cannot see how watched jobs are; looking again");
+                tracing::warn!(%error, "cannot read the state of watched jobs; trying again");
                 return;
             }
         };
@@ -105,10 +105,10 @@ impl Watcher {
         recent.compare(begun, &ids, &stamps);
         let mut watched = self.0.watched();
         // Of two who leave together, each may have seen the other's receiver.
-        watched.jobs.retain(|_, told| told.receiver_count() > 0);
+        watched.jobs.retain(|_, sender| sender.receiver_count() > 0);
         for id in ids {
-            if let Some(told) = watched.jobs.get(&id) {
-                told.send_replace(News { look, standing: stamps.remove(&id).map(|stamp| stamp.standing) });
+            if let Some(sender) = watched.jobs.get(&id) {
+                sender.send_replace(News { look, status: stamps.remove(&id).map(|stamp| stamp.status) });
             }
         }
     }
@@ -121,10 +121,10 @@ impl Shared {
     }
 }
 
-/// One client that waits; dropped, it does not.
+/// One client that waits for changes of a job, until this is dropped.
 pub struct Watching {
     id: String,
-    known: Standing,
+    known: JobStatus,
     since: u64,
     news: watch::Receiver<News>,
     shared: Arc<Shared>,
@@ -132,18 +132,18 @@ pub struct Watching {
 }
 
 impl Watching {
-    /// How the job is, once that differs from what is known; `None` when it is not there any more.
-    pub async fn next(&mut self) -> Option<Standing> {
+    /// The next status of the job that differs from the known one; `None` when the job is deleted.
+    pub async fn next(&mut self) -> Option<JobStatus> {
         loop {
             self.news.changed().await.ok()?;
             let news = self.news.borrow_and_update().clone();
             if news.look < self.since {
                 continue;
             }
-            let standing = news.standing?;
-            if standing != self.known {
-                self.known = standing.clone();
-                return Some(standing);
+            let status = news.status?;
+            if status != self.known {
+                self.known = status.clone();
+                return Some(status);
             }
         }
     }
@@ -153,7 +153,7 @@ impl Drop for Watching {
     fn drop(&mut self) {
         let mut watched = self.shared.watched();
         // This one's receiver still counts.
-        if watched.jobs.get(&self.id).is_some_and(|told| told.receiver_count() <= 1) {
+        if watched.jobs.get(&self.id).is_some_and(|sender| sender.receiver_count() <= 1) {
             watched.jobs.remove(&self.id);
         }
     }
@@ -164,14 +164,14 @@ mod tests {
     use super::*;
     use crate::jobs::State;
 
-    fn standing(state: State) -> Standing {
-        Standing { state, attempt: 0, stage: None, stage_progress: 0.0, queue_position: None }
+    fn status(state: State) -> JobStatus {
+        JobStatus { state, attempt: 0, stage: None, stage_progress: 0.0, queue_position: None }
     }
 
     #[test]
     fn places_are_bounded_and_given_back_and_jobs_nobody_waits_for_are_forgotten() {
         let watcher = Watcher::new(Shares::new(2, false));
-        let known = || standing(State::Queued);
+        let known = || status(State::Queued);
         let (first, second) =
             (watcher.watch("lab", "a", known()).unwrap(), watcher.watch("lab", "a", known()).unwrap());
         assert!(watcher.watch("lab", "b", known()).is_none());
@@ -186,21 +186,21 @@ mod tests {
     async fn what_was_read_before_a_client_came_is_not_news_to_it() {
         let watcher = Watcher::new(Shares::new(2, false));
         let send = |look, state| {
-            let told = watcher.0.watched().jobs.get("a").cloned().unwrap();
-            told.send_replace(News { look, standing: Some(standing(state)) });
+            let sender = watcher.0.watched().jobs.get("a").cloned().unwrap();
+            sender.send_replace(News { look, status: Some(status(state)) });
         };
-        let mut early = watcher.watch("lab", "a", standing(State::Queued)).unwrap();
+        let mut early = watcher.watch("lab", "a", status(State::Queued)).unwrap();
         // A look begins and reads `queued`; the job is begun, a client sees that and waits; the look ends.
         watcher.0.watched().looks += 1;
-        let mut late = watcher.watch("lab", "a", standing(State::Running)).unwrap();
+        let mut late = watcher.watch("lab", "a", status(State::Running)).unwrap();
         send(1, State::Queued);
         tokio::select! {
             biased;
-            told = late.next() => panic!("{told:?}"),
+            status = late.next() => panic!("{status:?}"),
             () = tokio::task::yield_now() => {}
         }
         send(2, State::Succeeded);
-        assert_eq!(late.next().await, Some(standing(State::Succeeded)));
-        assert_eq!(early.next().await, Some(standing(State::Succeeded)));
+        assert_eq!(late.next().await, Some(status(State::Succeeded)));
+        assert_eq!(early.next().await, Some(status(State::Succeeded)));
     }
 }

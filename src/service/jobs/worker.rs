@@ -1,9 +1,9 @@
-//! Takes jobs from the queue and computes them: the only caller of [`pipeline::run`], on threads that serve nobody else.
+//! Claims jobs of the queue and computes them: the only caller of [`pipeline::run`], on threads of its own.
 
 use super::ZIP;
 use super::query;
 use super::query::StoredArtifact;
-use super::queue::{Beat, Claim, Queue};
+use super::queue::{Claim, Lease, Queue};
 use super::request::{Channel, TotalFlux};
 use crate::cause::Cause;
 use crate::failure::{Failure, StoredNotice};
@@ -28,12 +28,12 @@ use tokio::time::{Instant, MissedTickBehavior, interval, sleep};
 use tokio_util::sync::CancellationToken;
 use tracing::Instrument;
 
-/// What a job is computed into.
+/// The result of a computed job.
 #[derive(Debug, Default)]
 pub struct Product {
-    /// Its files, [`ZIP`] last.
+    /// The artifacts of the job, [`ZIP`] last.
     pub artifacts: Vec<Artifact>,
-    /// What was repaired, dropped or odd.
+    /// Notices about data that was repaired, dropped or unusual.
     pub notices: Vec<Notice>,
 }
 
@@ -52,28 +52,28 @@ pub fn pipeline_runner() -> Runner {
     })
 }
 
-/// What a worker needs. Cheap to clone.
+/// A worker: claims jobs of the queue, computes them and stores their artifacts. Cheap to clone.
 #[derive(Clone)]
 pub struct Worker {
-    /// Where bytes are.
+    /// The database and the object store.
     pub storage: Storage,
-    /// Where jobs are.
+    /// The queue that jobs are claimed from.
     pub queue: Queue,
-    /// How they are computed.
+    /// The function that computes a job.
     pub runner: Runner,
-    /// What a ray file may ask of this machine.
+    /// Limits for ray files on this machine.
     pub limits: Limits,
-    /// How often an idle worker looks.
+    /// How often an idle worker looks for a job.
     pub poll: Duration,
-    /// How often a busy one beats.
-    pub beat: Duration,
-    /// How long a job that is computed waits for room in the store.
+    /// How often a busy worker renews the lease of its job.
+    pub renew_every: Duration,
+    /// How long a computed job waits for free space in the object store.
     pub patience: Duration,
-    /// What is counted.
+    /// The metrics of this process.
     pub metrics: Metrics,
-    /// Take no more jobs.
+    /// Once cancelled, the worker claims no more jobs.
     pub stop: CancellationToken,
-    /// Give back those at hand.
+    /// Once cancelled, the worker puts its running jobs back into the queue.
     pub release: CancellationToken,
 }
 
@@ -92,25 +92,28 @@ struct Stored {
 enum Ending {
     Published(Vec<StoredArtifact>, Vec<StoredNotice>),
     Failed(Failure),
-    /// A store did not answer: not the job's fault, and another attempt may do better.
-    Unread(Failure),
-    /// It saw that nobody wants it.
+    /// The database or the object store did not answer: the job is not at fault, and another attempt may succeed.
+    StoreFailed(Failure),
+    /// The computation stopped because it was told to.
     Stopped,
 }
 
-/// Why a computation was told to stop.
+/// Why a worker stopped the computation of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Order {
-    None,
-    Cancel,
-    Release,
-    Lost,
-    /// Took too long, in this stage.
-    Timeout(Option<Stage>),
+enum StopReason {
+    /// A client cancelled the job.
+    Cancelled,
+    /// The service stops: another process goes on with the job.
+    Released,
+    /// The lease belongs to another worker.
+    LeaseLost,
+    /// The attempt took too long, and was in this stage.
+    TimedOut(Option<Stage>),
 }
 
 impl Worker {
-    /// Works on `concurrency` jobs at once, each on `threads` threads, until told to stop.
+    /// Starts `concurrency` slots, each of which computes one job at a time on `threads` threads, until [`Worker::stop`] is
+    /// cancelled.
     ///
     /// # Errors
     /// The threads cannot be had.
@@ -138,7 +141,7 @@ impl Worker {
                     continue;
                 }
                 Ok(None) => {}
-                Err(error) => tracing::error!(%error, "cannot look for jobs"),
+                Err(error) => tracing::error!(%error, "cannot claim a job; trying again"),
             }
             tokio::select! {
                 () = self.queue.woken() => {}
@@ -150,87 +153,93 @@ impl Worker {
 
     /// One attempt at a job, from claim to the row that ends it.
     async fn attempt(&self, claim: &Claim, pool: Arc<ThreadPool>) {
-        tracing::info!(job = claim.id, attempt = claim.attempt, "job begun");
+        tracing::info!(job = claim.id, attempt = claim.attempt, "job started");
         let begun = Instant::now();
         let progress = Arc::new(Progress::default());
         // Dropped with this future, when the service is: a thread cannot be stopped, only told.
         let _stop_when_dropped = StopOnDrop(Arc::clone(&progress));
         let work = self.work(claim, pool, Arc::clone(&progress));
-        let (ending, order) = self.mind(claim, &progress, work).await;
-        let word = match (&ending, order) {
-            (_, Order::Lost) => "lost",
-            (_, Order::Cancel) => {
-                self.insist("stop", || self.queue.stop(claim)).await;
+        let (ending, stopped) = self.supervise(claim, &progress, work).await;
+        let word = match (&ending, stopped) {
+            (_, Some(StopReason::LeaseLost)) => "lost",
+            (_, Some(StopReason::Cancelled)) => {
+                self.retry_until_answered("stop", || self.queue.stop(claim)).await;
                 "cancelled"
             }
-            (Ending::Stopped, Order::Release) => {
-                self.insist("release", || self.queue.release(claim)).await;
+            (Ending::Stopped, Some(StopReason::Released)) => {
+                self.retry_until_answered("release", || self.queue.release(claim)).await;
                 "released"
             }
-            (Ending::Stopped, Order::Timeout(stage)) => {
+            (Ending::Stopped, Some(StopReason::TimedOut(stage))) => {
                 let failure = Failure::timed_out(claim.timeout, stage);
-                self.insist("fail", || self.queue.fail(claim, &failure)).await;
+                self.retry_until_answered("fail", || self.queue.fail(claim, &failure)).await;
                 "timed out"
             }
             (Ending::Published(artifacts, notices), _) => self.finish(claim, artifacts, notices).await,
             (Ending::Failed(failure), _) => {
-                self.insist("fail", || self.queue.fail(claim, failure)).await;
+                self.retry_until_answered("fail", || self.queue.fail(claim, failure)).await;
                 "failed"
             }
-            (Ending::Unread(failure), _) => self.retry(claim, failure).await,
-            (Ending::Stopped, Order::None) => {
+            (Ending::StoreFailed(failure), _) => self.retry(claim, failure).await,
+            (Ending::Stopped, None) => {
                 let failure = Failure::stopped();
-                self.insist("fail", || self.queue.fail(claim, &failure)).await;
+                self.retry_until_answered("fail", || self.queue.fail(claim, &failure)).await;
                 "failed"
             }
         };
         if !matches!(word, "succeeded") {
-            self.forget(claim).await;
+            self.delete_blobs(claim).await;
         }
         self.metrics.attempted(word, begun.elapsed());
         tracing::info!(job = claim.id, attempt = claim.attempt, ending = word, "job ended");
     }
 
     async fn finish(&self, claim: &Claim, artifacts: &[StoredArtifact], notices: &[StoredNotice]) -> &'static str {
-        if self.insist("finish", || self.queue.finish(claim, artifacts, notices)).await {
+        if self.retry_until_answered("finish", || self.queue.finish(claim, artifacts, notices)).await {
             return "succeeded";
         }
-        // Cancelled between the last beat and now, or another's.
-        if self.insist("stop", || self.queue.stop(claim)).await { "cancelled" } else { "lost" }
+        // Cancelled since the last renewal of the lease, or taken over by another worker.
+        if self.retry_until_answered("stop", || self.queue.stop(claim)).await { "cancelled" } else { "lost" }
     }
 
     /// Puts the job back for a later attempt, or fails it when this was its last.
     async fn retry(&self, claim: &Claim, failure: &Failure) -> &'static str {
-        if self.insist("retry", || self.queue.retry(claim)).await {
+        if self.retry_until_answered("retry", || self.queue.retry(claim)).await {
             return "put back";
         }
-        if self.insist("fail", || self.queue.fail(claim, failure)).await { "failed" } else { "lost" }
+        if self.retry_until_answered("fail", || self.queue.fail(claim, failure)).await { "failed" } else { "lost" }
     }
 
-    /// Waits for `work`, renewing the lease and passing on what the clients and the operator want.
-    async fn mind(&self, claim: &Claim, progress: &Progress, work: impl Future<Output = Ending>) -> (Ending, Order) {
-        let (mut order, begun) = (Order::None, Instant::now());
-        let mut ticker = interval(self.beat);
+    /// Runs `work` to its end while the lease is renewed; stops it when a client cancels the job, the service stops, the lease is
+    /// lost or the time is over.
+    async fn supervise(
+        &self,
+        claim: &Claim,
+        progress: &Progress,
+        work: impl Future<Output = Ending>,
+    ) -> (Ending, Option<StopReason>) {
+        let (mut stop_reason, begun) = (None, Instant::now());
+        let mut ticker = interval(self.renew_every);
         ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let mut work = std::pin::pin!(work);
         loop {
             tokio::select! {
-                ending = &mut work => return (ending, order),
-                () = sleep(claim.timeout.saturating_sub(begun.elapsed())), if order == Order::None => {
-                    order = Order::Timeout(progress.read().0);
+                ending = &mut work => return (ending, stop_reason),
+                () = sleep(claim.timeout.saturating_sub(begun.elapsed())), if stop_reason.is_none() => {
+                    stop_reason = Some(StopReason::TimedOut(progress.read().0));
                 }
-                () = self.release.cancelled(), if order == Order::None => order = Order::Release,
+                () = self.release.cancelled(), if stop_reason.is_none() => stop_reason = Some(StopReason::Released),
                 _ = ticker.tick() => {
                     let (stage, fraction) = progress.read();
-                    match self.queue.beat(claim, stage.map(Stage::name), fraction).await {
-                        Ok(Beat::Go) => {}
-                        Ok(Beat::Cancel) => order = Order::Cancel,
-                        Ok(Beat::Lost) => order = Order::Lost,
-                        Err(error) => tracing::warn!(job = claim.id, %error, "beat failed"),
+                    match self.queue.renew_lease(claim, stage.map(Stage::name), fraction).await {
+                        Ok(Lease::Held) => {}
+                        Ok(Lease::CancelRequested) => stop_reason = Some(StopReason::Cancelled),
+                        Ok(Lease::Lost) => stop_reason = Some(StopReason::LeaseLost),
+                        Err(error) => tracing::warn!(job = claim.id, %error, "cannot renew the lease of a job; trying again"),
                     }
                 }
             }
-            if order != Order::None {
+            if stop_reason.is_some() {
                 progress.stop();
             }
         }
@@ -241,7 +250,7 @@ impl Worker {
         let mut options: Options = match serde_json::from_str(&claim.options) {
             Ok(options) => options,
             Err(error) => {
-                tracing::error!(job = claim.id, %error, "a stored job cannot be read");
+                tracing::error!(job = claim.id, %error, "cannot read a stored job");
                 return Ending::Failed(Failure::unreadable_job());
             }
         };
@@ -271,12 +280,13 @@ impl Worker {
 
     /// The channels of a job as the pipeline's inputs, and the total they have shares of.
     async fn inputs(&self, claim: &Claim, options: &mut Options) -> Result<Vec<Input>, pipeline::Error> {
-        let unread = |error: storage::Error| pipeline::Error::Unreadable(std::io::Error::other(error));
-        let total = query::total(&self.storage.records, &claim.id).await.map_err(unread)?;
+        let store_failed = |error: storage::Error| pipeline::Error::Unreadable(std::io::Error::other(error));
+        let total = query::total(&self.storage.records, &claim.id).await.map_err(store_failed)?;
         options.rays.total = total.map(TotalFlux::total);
         let mut inputs = Vec::new();
-        for channel in query::channels(&self.storage.records, &claim.id).await.map_err(unread)? {
-            let Stored { ray_set, parts, points, notices } = self.stored(claim, &channel).await.map_err(unread)?;
+        for channel in query::channels(&self.storage.records, &claim.id).await.map_err(store_failed)? {
+            let Stored { ray_set, parts, points, notices } =
+                self.stored(claim, &channel).await.map_err(store_failed)?;
             let bytes = Arc::new(Parts::new(self.storage.blobs.clone(), parts, Handle::current()));
             let declared = channel.or(&ray_set.declared).resolve(inputs.len(), points.as_deref())?;
             inputs.push(Input { name: ray_set.name, sha256: ray_set.sha256, bytes, declared, notices });
@@ -324,7 +334,7 @@ impl Worker {
                 if full && full_since.get_or_insert_with(Instant::now).elapsed() >= self.patience {
                     return Ending::Failed(Failure::store_full());
                 }
-                sleep(self.beat).await;
+                sleep(self.renew_every).await;
             }
             crash::point("publish.blob_stored");
             let media_type = artifact.media_type.to_owned();
@@ -333,46 +343,51 @@ impl Worker {
         Ending::Published(stored, notices)
     }
 
-    /// Asks the database until it answers: what is lost here is a whole computation.
-    async fn insist<F: Future<Output = Result<bool, storage::Error>>>(&self, what: &str, ask: impl Fn() -> F) -> bool {
+    /// Repeats a statement until the database answers, because the result of a whole computation would be lost otherwise.
+    async fn retry_until_answered<F: Future<Output = Result<bool, storage::Error>>>(
+        &self,
+        what: &str,
+        ask: impl Fn() -> F,
+    ) -> bool {
         loop {
             match ask().await {
                 Ok(done) => return done,
                 Err(error) if Cause::from(&error) == Cause::Ours => {
-                    tracing::error!(what, %error, "the database refuses; the job is left until its lease ends");
+                    tracing::error!(what, %error, "the database refused a statement; the job stays until its lease ends");
                     return false;
                 }
                 Err(error) => tracing::error!(what, %error, "the database does not answer; trying again"),
             }
-            sleep(self.beat).await;
+            sleep(self.renew_every).await;
         }
     }
 
-    async fn forget(&self, claim: &Claim) {
+    async fn delete_blobs(&self, claim: &Claim) {
         if let Err(error) = self.storage.blobs.delete_all(&claim.folder()).await {
-            tracing::warn!(job = claim.id, %error, "blobs of an unpublished attempt stay until they are swept");
+            tracing::warn!(job = claim.id, %error, "cannot delete the blobs of an unfinished attempt; the garbage collection will");
         }
     }
 }
 
-/// How an attempt ends that met this error: what is not the input's is logged here, for no client hears of it.
+/// The ending of an attempt that failed with this error. Errors that the input did not cause are logged here, because clients do
+/// not see their details.
 fn failed(claim: &Claim, error: &pipeline::Error) -> Ending {
     let (job, attempt, failure) = (&claim.id, claim.attempt, Failure::from(error));
     match Cause::from(error) {
         Cause::Input => Ending::Failed(failure),
         Cause::Stopped => Ending::Stopped,
         Cause::StoreAway => {
-            tracing::warn!(job, attempt, %error, "a store did not answer");
-            Ending::Unread(failure)
+            tracing::warn!(job, attempt, %error, "the database or the object store did not answer; the job will be tried again");
+            Ending::StoreFailed(failure)
         }
         Cause::StoreDamaged | Cause::Ours => {
-            tracing::error!(job, attempt, code = failure.code, %error, "a job fails by no fault of its input");
+            tracing::error!(job, attempt, code = failure.code, %error, "a job failed because of an internal error or damaged storage");
             Ending::Failed(failure)
         }
     }
 }
 
-/// How far a run is, and whether it is still wanted: written by many threads, read by the beat.
+/// Progress of a computation, and whether it is to stop: written by many threads, read when the lease is renewed.
 #[derive(Default)]
 struct Progress {
     /// Stage number from 1, then its fraction in 2⁻³², so that larger is later whichever thread reports last.

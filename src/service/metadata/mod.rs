@@ -1,7 +1,7 @@
-//! What clients say of their own things: the number of an order, a project, a part. It is kept, told again in every answer and
-//! webhook message, and found by; the service itself never acts on it.
+//! The client's own metadata of its ray sets and jobs: the number of an order, a project, a part. The service stores it, returns
+//! it in every answer and webhook message, and searches by it, but never acts on it.
 
-/// Rows that things are found by, by their clients' metadata.
+/// Rows by which objects are found by their metadata.
 pub mod rows;
 
 use serde::{Deserialize, Deserializer, Serialize, de};
@@ -29,10 +29,10 @@ pub struct Metadata(BTreeMap<String, String>);
 impl TryFrom<BTreeMap<String, String>> for Metadata {
     type Error = String;
 
-    /// What breaks a bound is told as a sentence about the whole.
+    /// An exceeded limit is reported as one sentence about the whole metadata.
     fn try_from(pairs: BTreeMap<String, String>) -> Result<Metadata, String> {
         if pairs.len() > MOST_KEYS {
-            return Err(format!("{} keys, expected at most {MOST_KEYS}", pairs.len()));
+            return Err(format!("the metadata has {} keys, expected at most {MOST_KEYS}", pairs.len()));
         }
         for (key, value) in &pairs {
             let plain = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'_' | b'.' | b'-');
@@ -48,7 +48,7 @@ impl TryFrom<BTreeMap<String, String>> for Metadata {
         }
         let byte_count: usize = pairs.iter().map(|(key, value)| key.len() + value.len()).sum();
         if byte_count > MOST_BYTES {
-            return Err(format!("{byte_count} bytes of keys and values, expected at most {MOST_BYTES}"));
+            return Err(format!("the metadata has {byte_count} bytes, expected at most {MOST_BYTES}"));
         }
         Ok(Metadata(pairs))
     }
@@ -82,7 +82,7 @@ impl Metadata {
         let wrong = |error: serde_json::Error| {
             let found = error.to_string();
             let found = found.split(" at line ").next().unwrap_or_default();
-            de::Error::custom(format!("{found}; expected a JSON object of texts, as {{\"order\":\"4711\"}}"))
+            de::Error::custom(format!("{found}; expected a JSON object of strings, as {{\"order\":\"4711\"}}"))
         };
         serde_json::from_str(&text).map_err(wrong)
     }
@@ -96,8 +96,7 @@ impl PartialSchema for Metadata {
         let object = ObjectBuilder::new()
             .schema_type(Type::Object)
             .description(Some(format!(
-                "The client's own keys and values, at most {MOST_KEYS} and {MOST_BYTES} bytes in all. Kept, told again and \
-                 found by, never acted on."
+                "The client's own metadata: at most {MOST_KEYS} keys and {MOST_BYTES} bytes in all. The service stores it, returns it and searches by it, but never acts on it."
             )))
             .max_properties(Some(MOST_KEYS))
             .property_names(Some(key))

@@ -1,5 +1,5 @@
-//! Which addresses are the internet's, and which are somebody's own: the machine's, its network's, its cloud's. After the
-//! special-purpose address registries of IANA (RFC 6890); what they do not say is global, is not.
+//! Tells public internet addresses from private ones: those of the machine, its network or its cloud. After the special-purpose
+//! address registries of IANA (RFC 6890); what they do not say is global, is not.
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 use std::str::FromStr;
@@ -38,7 +38,7 @@ const OWN_V6: [(Ipv6Addr, u32); 4] = [
 /// IPv4 behind a translator (RFC 6052): the last 32 bits are the address.
 const TRANSLATED: (Ipv6Addr, u32) = (Ipv6Addr::new(0x64, 0xff9b, 0, 0, 0, 0, 0, 0), 96);
 
-/// Whether an address is somebody's on the internet.
+/// Whether an address is a public internet address.
 pub fn is_global(address: IpAddr) -> bool {
     match address.to_canonical() {
         IpAddr::V4(v4) => !OWN_V4.iter().any(|(network, bits)| within_v4(v4, *network, *bits)),
@@ -55,17 +55,17 @@ fn within_v6(address: Ipv6Addr, (network, bits): (Ipv6Addr, u32)) -> bool {
     (address.to_bits() ^ network.to_bits()).leading_zeros() >= bits
 }
 
-/// What may be reached although it is not the internet's.
+/// A host or network that may be reached although it is not on the public internet.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Exception {
     /// A network, or one address: its first address and how many bits name it.
     Network(IpAddr, u32),
-    /// A name, wherever it leads; in lower case.
+    /// A host name, whatever its addresses; in lower case.
     Host(String),
 }
 
 impl Exception {
-    /// Whether it holds for this address.
+    /// Whether the exception holds for this address.
     pub fn has_address(&self, address: IpAddr) -> bool {
         match (self, address.to_canonical()) {
             (Exception::Network(IpAddr::V4(network), bits), IpAddr::V4(v4)) => within_v4(v4, *network, *bits),
@@ -74,7 +74,7 @@ impl Exception {
         }
     }
 
-    /// Whether it holds for this name.
+    /// Whether the exception holds for this host name.
     pub fn has_host(&self, host: &str) -> bool {
         matches!(self, Exception::Host(name) if name.eq_ignore_ascii_case(host.trim_end_matches('.')))
     }
@@ -85,7 +85,11 @@ impl FromStr for Exception {
 
     /// Reads `10.20.0.0/16`, `fd00::/8`, `10.20.0.7` or `receiver.lab`.
     fn from_str(text: &str) -> Result<Exception, String> {
-        let wrong = || format!("{text:?} is no network, address or name: write 10.20.0.0/16, fd00::/8 or receiver.lab");
+        let wrong = || {
+            format!(
+                "{text:?} is not a network, an address or a host name: write 10.20.0.0/16, fd00::/8 or receiver.lab"
+            )
+        };
         if let Ok(address) = text.parse::<IpAddr>() {
             let address = address.to_canonical();
             return Ok(Exception::Network(address, if address.is_ipv4() { 32 } else { 128 }));

@@ -1,7 +1,7 @@
-//! Requests to elsewhere: the only folder that names reqwest. Where a tenant says what to ask, it could be this machine, its
-//! network or its cloud. So the name is resolved here, every address it has is judged, and the connection goes to those very
-//! addresses: a name that leads elsewhere a moment later changes nothing. Redirects are judged like first addresses, or not
-//! followed. Nothing of the environment (proxies) is heeded.
+//! Outbound HTTP requests: the only folder that names reqwest. A URL of a tenant could point to this machine, its network or its
+//! cloud. So the host name is resolved here, every address it has is checked, and the connection goes to those very addresses: a
+//! later change of the DNS answer has no effect. Redirects are checked like the first URL, or not followed. Proxy settings of the
+//! environment are ignored.
 
 /// Which addresses are whose.
 mod addresses;
@@ -34,60 +34,60 @@ const KEPT_BYTES: usize = 2048;
 /// Longest address, characters.
 const MAX_URL_CHARS: usize = 2048;
 
-/// Why an address is not asked, or gave nothing.
+/// Why an outbound request was not sent, or failed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Error {
-    /// Not an address that can be asked.
+    /// The URL is not valid for a request.
     #[error("{0}")]
     Url(String),
     /// The address is not the internet's.
     // Where it leads is the operator's business: names of an inner network are not to be looked up through us.
-    #[error("{host} does not lead to an address of the internet")]
+    #[error("the host {host} has no public internet address")]
     Refused {
-        /// Who was asked for.
+        /// Host name of the URL.
         host: String,
-        /// Where that leads.
+        /// Address that the host name resolves to.
         address: IpAddr,
     },
-    /// No connection, or no answer in time.
+    /// There was no connection, or no answer in time.
     #[error("{0}")]
     Unreachable(String),
-    /// It leads on and on.
-    #[error("more than {MAX_REDIRECTS} redirects")]
+    /// There were too many redirects.
+    #[error("the server sent more than {MAX_REDIRECTS} redirects")]
     Redirects,
 }
 
-/// An answer, and the beginning of what it says.
+/// An answer, with the beginning of its body.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Answer {
-    /// HTTP status.
+    /// HTTP status of the answer.
     pub status: u16,
-    /// When to ask again, if it says so in seconds.
+    /// Value of `Retry-After`, if it is in seconds.
     pub retry_after: Option<Duration>,
-    /// The beginning of its body.
+    /// Beginning of the body of the answer.
     pub beginning: String,
 }
 
-/// A file that comes from elsewhere.
+/// A file that is being downloaded.
 pub struct Download {
-    /// HTTP status.
+    /// HTTP status of the answer.
     pub status: u16,
-    /// Its length, bytes, where known.
+    /// Length of the file, bytes, where known.
     pub byte_count: Option<u64>,
-    /// Its bytes, as they come.
+    /// Stream of the bytes of the file.
     pub body: BoxStream<'static, Result<Bytes, String>>,
 }
 
-/// Asks elsewhere. Cheap to clone.
+/// Sends outbound HTTP requests. Cheap to clone.
 #[derive(Clone)]
 pub struct Outbound {
-    /// Made when it is first needed: a machine without certificates that nobody asks to ask needs none.
+    /// Made when it is first needed, because a machine without certificates that sends no requests needs none.
     client: Arc<OnceLock<Result<Client, Error>>>,
     guard: Guard,
 }
 
 impl Outbound {
-    /// Asks addresses of the internet, and `exceptions`.
+    /// Allows requests to public internet addresses and to `exceptions`.
     pub fn new(exceptions: Vec<Exception>) -> Outbound {
         Outbound::with(Guard { exceptions: exceptions.into(), lookup: Arc::new(system_lookup) })
     }
@@ -107,7 +107,7 @@ impl Outbound {
         made.as_ref().map_err(Error::clone)
     }
 
-    /// Whether `url` can be asked, as far as it says itself: what its name leads to is judged when it is asked.
+    /// Checks `url` itself; the addresses of its host are checked when the request is sent.
     ///
     /// # Errors
     /// [`Error::Url`], [`Error::Refused`].
@@ -118,19 +118,19 @@ impl Outbound {
     fn judged(&self, url: &str) -> Result<Url, Error> {
         let wrong = |found: &str| Err(Error::Url(found.to_owned()));
         if url.len() > MAX_URL_CHARS {
-            return wrong("the address is longer than 2048 characters");
+            return wrong("the URL is longer than 2048 characters");
         }
         if url.contains(char::is_control) {
-            return wrong("the address holds control characters");
+            return wrong("the URL contains control characters");
         }
-        let parsed = Url::parse(url).map_err(|error| Error::Url(format!("not an address: {error}")))?;
+        let parsed = Url::parse(url).map_err(|error| Error::Url(format!("not a valid URL: {error}")))?;
         if !parsed.username().is_empty() || parsed.password().is_some() {
-            return wrong("the address holds a name or a password");
+            return wrong("the URL contains a user name or a password");
         }
-        let Some((name, literal)) = host(&parsed) else { return wrong("the address names no host") };
+        let Some((name, literal)) = host(&parsed) else { return wrong("the URL names no host") };
         // The resolver is not asked about what is an address already.
         if let Some(address) = literal {
-            self.guard.admit(&name, address)?;
+            self.guard.check(&name, address)?;
         }
         let known = |exception: &Exception| match literal {
             Some(address) => exception.has_address(address),
@@ -140,12 +140,12 @@ impl Outbound {
             "https" => Ok(parsed),
             // Who listens in there is the operator's business.
             "http" if self.guard.exceptions.iter().any(known) => Ok(parsed),
-            "http" => wrong("http is for exceptions that the operator has made; use https"),
-            other => wrong(&format!("{other} is not https")),
+            "http" => wrong("http is allowed only for hosts that the operator has named; use https"),
+            other => wrong(&format!("the scheme is {other}, not https")),
         }
     }
 
-    /// Posts JSON; any answer is an answer, a redirect too.
+    /// Posts JSON and returns the answer, whatever its status; redirects are not followed.
     ///
     /// # Errors
     /// [`Error`].
@@ -161,7 +161,7 @@ impl Outbound {
             request = request.header(*name, value);
         }
         let deadline = Instant::now() + longest;
-        let silent = |_| Error::Unreachable(format!("no answer within {} s", longest.as_secs_f64()));
+        let silent = |_| Error::Unreachable(format!("the server did not answer within {} s", longest.as_secs_f64()));
         let asked = timeout_at(deadline, request.body(body).send()).await.map_err(silent)?;
         let mut response = asked.map_err(unreachable)?;
         let mut beginning = Vec::new();
@@ -179,14 +179,14 @@ impl Outbound {
         })
     }
 
-    /// Gets a file, by a few redirects if need be; whatever it answers at the end, also an error.
+    /// Downloads a file, following a few redirects; returns the last answer, whatever its status.
     ///
     /// # Errors
     /// [`Error`].
     pub async fn get(&self, url: &str) -> Result<Download, Error> {
         let mut at = self.judged(url)?;
         for _ in 0..=MAX_REDIRECTS {
-            let silent = |_| Error::Unreachable(format!("no answer within {} s", ANSWER.as_secs()));
+            let silent = |_| Error::Unreachable(format!("the server did not answer within {} s", ANSWER.as_secs()));
             let response = timeout(ANSWER, self.client()?.get(at.clone()).send()).await.map_err(silent)?;
             let response = response.map_err(unreachable)?;
             match next(&response) {
@@ -205,7 +205,7 @@ fn next(response: &Response) -> Option<Result<String, Error>> {
     }
     let to = response.headers().get(header::LOCATION)?;
     let joined = to.to_str().ok().and_then(|to| response.url().join(to).ok());
-    Some(joined.map(Into::into).ok_or_else(|| Error::Url("a redirect that leads to no address".to_owned())))
+    Some(joined.map(Into::into).ok_or_else(|| Error::Url("a redirect leads to an invalid URL".to_owned())))
 }
 
 fn download(response: Response) -> Download {
@@ -233,7 +233,7 @@ fn unreachable(error: reqwest::Error) -> Error {
 
 /// Why nothing came, in words of ours: what libraries and the system say may tell of this machine. That is in the log.
 fn sentence(error: &reqwest::Error) -> String {
-    tracing::debug!(?error, "a request to elsewhere failed");
+    tracing::debug!(?error, "an outbound request failed");
     let mut cause: Option<&(dyn std::error::Error + 'static)> = Some(error);
     let mut words = None;
     // The last and most particular reason counts.
@@ -244,7 +244,7 @@ fn sentence(error: &reqwest::Error) -> String {
     let unknown = match (error.is_timeout(), error.is_connect()) {
         (true, _) => "there was no answer in time",
         (false, true) => "no connection could be made",
-        (false, false) => "the connection broke off",
+        (false, false) => "the connection was interrupted",
     };
     words.unwrap_or(unknown).to_owned()
 }
@@ -264,7 +264,7 @@ fn spoken(kind: io::ErrorKind) -> Option<&'static str> {
     };
     match kind {
         ConnectionRefused => Some("the connection was refused"),
-        BrokenPipe | ConnectionAborted | ConnectionReset | UnexpectedEof => Some("the connection broke off"),
+        BrokenPipe | ConnectionAborted | ConnectionReset | UnexpectedEof => Some("the connection was interrupted"),
         HostUnreachable | NetworkDown | NetworkUnreachable => Some("its network cannot be reached"),
         TimedOut => Some("there was no answer in time"),
         _ => None,
@@ -293,12 +293,12 @@ struct Guard {
 }
 
 impl Guard {
-    fn admit(&self, host: &str, address: IpAddr) -> Result<(), Error> {
+    fn check(&self, host: &str, address: IpAddr) -> Result<(), Error> {
         let known = |exception: &Exception| exception.has_address(address) || exception.has_host(host);
         match is_global(address) || self.exceptions.iter().any(known) {
             true => Ok(()),
             false => {
-                tracing::info!(host, %address, "an address is refused: it is not the internet's");
+                tracing::info!(host, %address, "an outbound request was refused: the host has no public internet address");
                 Err(Error::Refused { host: host.to_owned(), address })
             }
         }
@@ -311,12 +311,12 @@ impl Resolve for Guard {
         Box::pin(async move {
             let host = name.as_str().to_owned();
             let found = (guard.lookup)(host.clone()).await.map_err(|error| {
-                tracing::debug!(host, %error, "a name cannot be looked up");
-                Error::Unreachable(format!("the name {host} cannot be looked up"))
+                tracing::debug!(host, %error, "cannot resolve a host name");
+                Error::Unreachable(format!("the host name {host} cannot be resolved"))
             })?;
             // One bad address among good ones is no accident.
             for address in &found {
-                guard.admit(&host, *address)?;
+                guard.check(&host, *address)?;
             }
             let addresses: Addrs = Box::new(found.into_iter().map(|address| SocketAddr::new(address, 0)));
             Ok(addresses)
@@ -359,23 +359,23 @@ mod tests {
             assert_eq!(outbound.judge(right), Ok(()), "{right}");
         }
         for (wrong, found) in [
-            ("", "not an address"),
-            ("example.org", "not an address"),
+            ("", "not a valid URL"),
+            ("example.org", "not a valid URL"),
             ("http://example.org/", "use https"),
-            ("ftp://example.org/", "ftp is not https"),
+            ("ftp://example.org/", "the scheme is ftp, not https"),
             ("file:///etc/passwd", "names no host"),
-            ("https://user@example.org/", "a name or a password"),
-            ("https://:secret@example.org/", "a name or a password"),
-            ("https://127.0.0.1/", "does not lead to an address of the internet"),
+            ("https://user@example.org/", "a user name or a password"),
+            ("https://:secret@example.org/", "a user name or a password"),
+            ("https://127.0.0.1/", "has no public internet address"),
             // Loopback, as browsers read it.
-            ("https://127.1/", "does not lead to an address of the internet"),
-            ("https://2130706433/", "does not lead to an address of the internet"),
-            ("https://0x7f.0.0.1/", "does not lead to an address of the internet"),
-            ("https://0177.0.0.1/", "does not lead to an address of the internet"),
-            ("https://１２７.0.0.1/", "does not lead to an address of the internet"),
-            ("https://[::ffff:7f00:1]/", "does not lead to an address of the internet"),
-            ("https://[::1]/", "does not lead to an address of the internet"),
-            ("https://169.254.169.254/latest/meta-data", "does not lead to an address of the internet"),
+            ("https://127.1/", "has no public internet address"),
+            ("https://2130706433/", "has no public internet address"),
+            ("https://0x7f.0.0.1/", "has no public internet address"),
+            ("https://0177.0.0.1/", "has no public internet address"),
+            ("https://１２７.0.0.1/", "has no public internet address"),
+            ("https://[::ffff:7f00:1]/", "has no public internet address"),
+            ("https://[::1]/", "has no public internet address"),
+            ("https://169.254.169.254/latest/meta-data", "has no public internet address"),
         ] {
             let error = outbound.judge(wrong).unwrap_err().to_string();
             assert!(error.contains(found), "{wrong}: {error}");
@@ -424,7 +424,7 @@ mod tests {
         // Plain HTTP where TLS is expected, and a connection that ends before it says anything.
         for (scheme, answer, words) in [
             ("https", b"HTTP/1.1 400 Bad Request\r\n\r\n".as_slice(), "no TLS connection could be made"),
-            ("http", b"", "the connection broke off"),
+            ("http", b"", "the connection was interrupted"),
         ] {
             let served = async {
                 let (mut stream, _) = listener.accept().await.unwrap();
@@ -432,15 +432,15 @@ mod tests {
                 let _ = stream.read(&mut request).await;
                 let _ = stream.write_all(answer).await;
             };
-            let (told, ()) = tokio::join!(said(&outbound, format!("{scheme}://rays.example:{port}/")), served);
-            assert_eq!(told, words, "{scheme}");
+            let (found, ()) = tokio::join!(said(&outbound, format!("{scheme}://rays.example:{port}/")), served);
+            assert_eq!(found, words, "{scheme}");
         }
         drop(listener);
         assert_eq!(said(&outbound, format!("http://rays.example:{port}/")).await, "the connection was refused");
         let unknown: Lookup =
             Arc::new(|_| Box::pin(async { Err(io::Error::other("resolver 10.1.2.3 in /etc/resolv.conf failed")) }));
         let outbound = Outbound::with(Guard { exceptions: Arc::new([]), lookup: unknown });
-        let told = said(&outbound, "https://rays.example/".into()).await;
-        assert_eq!(told, "the name rays.example cannot be looked up");
+        let found = said(&outbound, "https://rays.example/".into()).await;
+        assert_eq!(found, "the host name rays.example cannot be resolved");
     }
 }

@@ -11,7 +11,7 @@ pub struct Announcement {
     pub name: String,
     /// Its length, bytes, where known.
     pub byte_count: Option<u64>,
-    /// Its SHA-256, hex, as often as it was said.
+    /// SHA-256 of the file, hex: every value that the client announced.
     pub sha256: Vec<String>,
     /// How to read it, or every file in it.
     pub declared: FileDeclaration,

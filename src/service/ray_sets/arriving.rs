@@ -1,5 +1,5 @@
-//! A file that is still coming, read as if it were whole: who reads beyond what has come waits for it. What is being stored is
-//! read from memory, what is stored from the store.
+//! A file that is still arriving, read as if it were whole: a read beyond the bytes that have arrived waits for them. Bytes that
+//! are not stored yet are read from memory, stored ones from the object store.
 
 use crate::storage::blobs::Blobs;
 use crate::storage::parts::{Part, PartReader};
@@ -26,18 +26,18 @@ pub(super) struct Arriving {
 /// What has come of it.
 #[derive(Default)]
 struct Come {
-    /// How much, bytes.
+    /// Number of bytes that have arrived.
     byte_count: u64,
-    /// Stored parts, each with its offset in the file.
+    /// Stored parts of the file, each with its offset.
     stored: Vec<(u64, Part)>,
-    /// What came after them, each with its offset.
+    /// Bytes after the stored parts, each piece with its offset.
     at_hand: VecDeque<(u64, Bytes)>,
-    /// Nobody wants to read on.
+    /// The inspection has stopped.
     stopped: bool,
 }
 
-/// Where a byte is.
-enum Place {
+/// Where a byte of an arriving file is.
+enum ByteLocation {
     /// In memory, so many bytes after the beginning of these.
     AtHand(Bytes, u64),
     /// In a stored part, whose number this is, so many bytes after its beginning.
@@ -45,15 +45,15 @@ enum Place {
 }
 
 impl Come {
-    fn place(&self, offset: u64) -> Option<Place> {
+    fn location(&self, offset: u64) -> Option<ByteLocation> {
         if let Some((start, bytes)) = self.at_hand.iter().rev().find(|(start, _)| *start <= offset) {
             let from = offset - start;
-            return (from < bytes.len() as u64).then(|| Place::AtHand(bytes.clone(), from));
+            return (from < bytes.len() as u64).then(|| ByteLocation::AtHand(bytes.clone(), from));
         }
         let number = self.stored.partition_point(|(start, _)| *start <= offset).checked_sub(1)?;
         let (start, part) = self.stored.get(number)?;
         let from = offset - start;
-        (from < part.byte_count).then(|| Place::Stored(number, part.clone(), from))
+        (from < part.byte_count).then(|| ByteLocation::Stored(number, part.clone(), from))
     }
 }
 
@@ -81,7 +81,7 @@ impl Arriving {
         }
     }
 
-    /// Ends all waiting: no more will come, or nobody wants it.
+    /// Ends all waiting, because no more bytes will arrive, or the inspection has stopped.
     pub fn stop(&self) {
         self.come().stopped = true;
         self.more.notify_all();
@@ -93,21 +93,24 @@ impl Arriving {
     }
 
     /// Waits until the byte at `offset` has come.
-    fn place(&self, offset: u64) -> io::Result<Place> {
+    fn location(&self, offset: u64) -> io::Result<ByteLocation> {
         let mut come = self.come();
         loop {
-            if let Some(place) = come.place(offset) {
+            if let Some(place) = come.location(offset) {
                 return Ok(place);
             }
             if come.stopped {
-                return Err(io::Error::other("nobody waits for this file any more"));
+                return Err(io::Error::other("the file is not needed any more"));
             }
             let before = come.byte_count;
             let is_silent = |come: &mut Come| come.byte_count == before && !come.stopped;
             let waited = self.more.wait_timeout_while(come, self.patience, is_silent);
             let (now, waited) = waited.unwrap_or_else(PoisonError::into_inner);
             if waited.timed_out() {
-                return Err(io::Error::new(io::ErrorKind::TimedOut, "the file comes too slowly to be waited for"));
+                return Err(io::Error::new(
+                    io::ErrorKind::TimedOut,
+                    "the file arrives too slowly for an inspection on the way",
+                ));
             }
             come = now;
         }
@@ -125,18 +128,18 @@ impl pipeline::Bytes for Arriving {
         }
         let (mut rest, mut offset) = (into, offset);
         while !rest.is_empty() {
-            let place = self.place(offset)?;
+            let place = self.location(offset)?;
             let there = match &place {
-                Place::AtHand(bytes, from) => bytes.len() as u64 - from,
-                Place::Stored(_, part, from) => part.byte_count - from,
+                ByteLocation::AtHand(bytes, from) => bytes.len() as u64 - from,
+                ByteLocation::Stored(_, part, from) => part.byte_count - from,
             };
             let length = usize::try_from(there).unwrap_or(usize::MAX).min(rest.len());
             let (now, later) = rest.split_at_mut(length);
             match place {
-                Place::AtHand(bytes, from) => {
+                ByteLocation::AtHand(bytes, from) => {
                     now.copy_from_slice(bytes.get(from as usize..).and_then(|it| it.get(..length)).unwrap_or_default());
                 }
-                Place::Stored(number, part, from) => self.reader.read(number, &part, from, now)?,
+                ByteLocation::Stored(number, part, from) => self.reader.read(number, &part, from, now)?,
             }
             offset += length as u64;
             rest = later;

@@ -13,7 +13,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 /// memory would be two parts per upload; where many uploads come at once, the processors are busy without it.
 const AHEAD: usize = 2;
 
-/// The parts of one process that nobody uses. Cheap to clone.
+/// The unused part buffers of one process. Cheap to clone.
 #[derive(Clone)]
 pub struct Buffers(Arc<Pool>);
 
@@ -39,7 +39,7 @@ impl Buffers {
         Arc::clone(&self.0.ahead).try_acquire_owned().ok()
     }
 
-    /// Memory for a part that nobody uses, or new memory.
+    /// An unused buffer for a part, or a new one.
     fn memory(&self) -> Vec<u8> {
         let free = self.0.free.lock().unwrap_or_else(PoisonError::into_inner).pop();
         // At once, not by doubling: pages that are not written to cost nothing.

@@ -4,17 +4,17 @@ use pipeline::{Declared, Error, Place, Quantity};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-/// What was said of a ray file as it was sent: how to read it where it does not say, and what goes before its own word. Its
-/// channels obey it in what they do not say themselves.
+/// What the client declared about a ray file when it was uploaded. Declarations override what the file says; a channel of a job
+/// overrides them in turn.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct FileDeclaration {
-    /// Unit of its positions.
+    /// Length unit of the ray positions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub length_unit: Option<LengthUnit>,
-    /// What its flux values are: W or lm.
+    /// Whether the flux values are radiant (W) or luminous (lm).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quantity: Option<QuantityName>,
-    /// What stands in each column, for text in columns only; names as in a channel.
+    /// The meaning of each column, for files that are text in columns only; names as in a channel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(max_items = 64, example = json!(["x", "y", "z", "l", "m", "n", "flux"]))]
     pub columns: Option<Vec<String>>,
@@ -34,7 +34,7 @@ pub enum LengthUnit {
     Ft,
 }
 
-/// Which flux a number is.
+/// Whether a flux is radiant (W) or luminous (lm).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[schema(as = Quantity)]
 #[serde(rename_all = "lowercase")]
@@ -94,7 +94,7 @@ pub fn columns(index: usize, names: &[String]) -> Result<Vec<pipeline::Column>, 
         pipeline::Column::from_name(name).ok_or_else(|| {
             let known = pipeline::Column::ALL.map(pipeline::Column::name).join(", ");
             let place = Place::Channel(index, "columns");
-            let found = format!("There is no column {name:?}.");
+            let found = format!("The column {name:?} is not known.");
             Error::invalid_declaration("rays.column_unknown", place, found, format!("Name each column one of {known}."))
         })
     };

@@ -10,22 +10,22 @@ use pipeline::{Fault, Place};
 /// Why a ray file is not taken in.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// More bytes than allowed.
+    /// The file has more bytes than allowed.
     #[error("more than {0} bytes")]
     TooLarge(u64),
-    /// No bytes.
-    #[error("no bytes")]
+    /// The file is empty.
+    #[error("the file is empty")]
     Empty,
     /// The sender stopped before its announced end.
     #[error("the body ended early: {0}")]
     Truncated(String),
     /// The bytes broke off, for a reason that is only for the log.
-    #[error("the body broke off: {0}")]
+    #[error("the body was interrupted: {0}")]
     Broken(String),
     /// The sender was too slow, or fell silent.
     #[error(transparent)]
     Slow(#[from] TooSlow),
-    /// Not the bytes the sender meant.
+    /// The file does not have the announced SHA-256.
     #[error("sha-256 of what arrived is {found}, announced was {announced}")]
     Digest {
         /// What the sender said, hex.
@@ -33,22 +33,22 @@ pub enum Error {
         /// What came, hex.
         found: String,
     },
-    /// Not a ray file, or one that we refuse.
+    /// The file is not a ray file, or is refused.
     #[error(transparent)]
     Unfit(#[from] pipeline::Error),
-    /// A packed file that cannot be unpacked, or may not.
+    /// The archive cannot be unpacked, or exceeds a limit.
     #[error(transparent)]
     Packed(pipeline::Error),
-    /// A packed file without a ray file.
-    #[error("no ray file in it")]
+    /// The archive contains no ray file.
+    #[error("the archive contains no ray file")]
     NoRayFile(Vec<LeftOut>),
-    /// The tenant has no room for it.
+    /// The file exceeds the storage quota of the tenant.
     #[error(transparent)]
     Quota(#[from] Exceeded),
     /// Less room on the disk than is kept free.
-    #[error("the store has less room than it keeps free")]
+    #[error("the free storage space is below the reserved limit")]
     LowSpace,
-    /// A store did not answer.
+    /// The database or the object store did not answer.
     #[error(transparent)]
     Storage(#[from] storage::Error),
 }
@@ -64,7 +64,7 @@ pub fn in_query(error: pipeline::Error) -> pipeline::Error {
         Refused(fault) => Refused(here(fault)),
         Unusable(fault) => {
             let fault = here(fault);
-            let example = "In the query of the upload: columns=x,y,z,l,m,n,flux.";
+            let example = "Write it in the query of the upload, as columns=x,y,z,l,m,n,flux.";
             Unusable(Fault { remedy: format!("{} {example}", fault.remedy), ..fault })
         }
         other => other,

@@ -39,16 +39,16 @@ impl Digests {
         Ok(Digests(Arc::new(pool.start_handler(|_| priority::lower_a_little()).build()?)))
     }
 
-    /// `extent` with the bytes that follow. Given up, it goes on for nobody.
+    /// `extent` with the bytes that follow. If the caller stops waiting, the result is dropped.
     pub(super) async fn extend(&self, mut extent: Extent, bytes: Bytes) -> Result<Extent, oneshot::error::RecvError> {
-        let (tell, told) = oneshot::channel();
+        let (sender, receiver) = oneshot::channel();
         self.0.spawn_fifo(move || {
             extent.extend(&bytes);
             drop(bytes);
             // Nobody may be there to hear it.
-            let _ = tell.send(extent);
+            let _ = sender.send(extent);
         });
-        told.await
+        receiver.await
     }
 }
 

@@ -1,5 +1,5 @@
-//! Fetches a ray file instead of having it sent: from an address, or from a bucket that the operator has named. From its first
-//! byte on it is an upload like any other.
+//! Fetches a ray file from a URL, or from a bucket that the operator has named. From its first byte on it is an upload like any
+//! other.
 
 use super::Taken;
 use super::announcement::Announcement;
@@ -13,37 +13,37 @@ use futures::stream::BoxStream;
 use futures::{Stream, StreamExt, stream};
 use tokio_util::sync::CancellationToken;
 
-/// What was fetched no further, because nobody waits for it.
+/// Why a download was stopped: its client closed the connection.
 const GONE: &str = "the client went away";
 
 /// Why a file is not fetched.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// Addresses are not asked here.
-    #[error("this service fetches nothing from addresses")]
+    /// Fetching from URLs is disabled.
+    #[error("this service does not fetch files from URLs")]
     Off,
-    /// Not in a bucket that the operator has named.
-    #[error("{0} is in none of the buckets that this service may read")]
+    /// The object is not in a bucket that the operator allows.
+    #[error("{0} is not in a bucket that this service may read")]
     Bucket(String),
-    /// Not in its bucket.
+    /// The bucket does not have the object.
     #[error("there is no object {0}")]
     Missing(String),
-    /// An answer that is no file.
-    #[error("the answer was {0}")]
+    /// The server answered with this status instead of a file.
+    #[error("the server answered with status {0}")]
     Status(u16),
-    /// It broke off.
+    /// The download was interrupted.
     #[error("{0}")]
     Broken(String),
-    /// It came too slowly.
+    /// The download was too slow.
     #[error("{0}")]
     Slow(TooSlow),
-    /// The address is not asked, or did not answer.
+    /// The request was not sent, or got no answer.
     #[error(transparent)]
     Outbound(#[from] outbound::Error),
-    /// What came is not taken.
+    /// The downloaded file was refused.
     #[error(transparent)]
     Upload(ray_sets::Error),
-    /// A store did not answer.
+    /// The database or the object store did not answer.
     #[error(transparent)]
     Storage(#[from] storage::Error),
 }
@@ -74,7 +74,7 @@ pub struct Ingest {
     buckets: Vec<Bucket>,
 }
 
-/// A file on its way.
+/// A file that is being downloaded.
 pub struct Coming {
     /// Its length, bytes, where known.
     pub byte_count: Option<u64>,
@@ -120,7 +120,7 @@ impl Ingest {
 }
 
 impl Coming {
-    /// Takes the file in for `tenant`, as long as its client waits; `heard` is told of every piece's bytes.
+    /// Takes the file in for `tenant`, as long as its client waits; `heard` is called with the length of every piece.
     ///
     /// # Errors
     /// [`Error`]; nothing is left behind, as [`Intake::take`] says.
@@ -142,10 +142,10 @@ impl Coming {
     }
 }
 
-/// What a client is told when a bucket stops in the middle of an object: how the bucket is reached is the operator's business.
+/// What a client sees when a bucket stops in the middle of an object; how the bucket is reached concerns the operator only.
 fn broke_off(error: &storage::Error) -> String {
-    tracing::warn!(%error, "an object of a bucket broke off");
-    "the bucket gave only a part of it".to_owned()
+    tracing::warn!(%error, "the transfer of an object from a bucket was interrupted");
+    "the bucket sent only a part of the object".to_owned()
 }
 
 /// `body` until `gone`, which is no end of it.

@@ -1,8 +1,8 @@
-//! What the rays of a file say: read to its end once, while it comes or afterwards.
+//! Inspects ray files: reads a file to its end once, while it arrives or afterwards.
 //!
-//! While it comes: only a file that comes by itself and says how long it is, and only where none of [`ARRIVALS`] others is.
-//! Whoever inspects waits for bytes that have not come; a sender that lets it wait too long is not waited for, and what came of
-//! it is read afterwards, like every other file.
+//! While it comes: only a file that comes by itself and says how long it is, and only where none of [`ARRIVALS`] others is. The
+//! inspection waits for bytes that have not arrived; if the client is too slow, the inspection stops, and the file is read after
+//! its upload, like every other file.
 
 use super::announcement::Announcement;
 use super::arriving::Arriving;
@@ -46,8 +46,8 @@ struct Kind {
     threads: Arc<Mutex<Vec<ThreadPool>>>,
 }
 
-/// A place for one file. Dropped, it is free.
-struct Place {
+/// A place for the inspection of one file; free again when dropped.
+struct InspectionPlace {
     kind: Kind,
     threads: Option<ThreadPool>,
     _taken: OwnedSemaphorePermit,
@@ -75,17 +75,17 @@ impl Kind {
     }
 
     /// A place that is free now.
-    fn free(&self) -> Option<Place> {
+    fn free(&self) -> Option<InspectionPlace> {
         Some(self.place(Arc::clone(&self.free).try_acquire_owned().ok()?))
     }
 
     /// A place, as soon as one is free.
-    async fn wait(&self) -> Option<Place> {
+    async fn wait(&self) -> Option<InspectionPlace> {
         Some(self.place(Arc::clone(&self.free).acquire_owned().await.ok()?))
     }
 
-    fn place(&self, taken: OwnedSemaphorePermit) -> Place {
-        Place { kind: self.clone(), threads: self.idle().pop(), _taken: taken }
+    fn place(&self, taken: OwnedSemaphorePermit) -> InspectionPlace {
+        InspectionPlace { kind: self.clone(), threads: self.idle().pop(), _taken: taken }
     }
 
     fn idle(&self) -> MutexGuard<'_, Vec<ThreadPool>> {
@@ -93,7 +93,7 @@ impl Kind {
     }
 }
 
-impl Place {
+impl InspectionPlace {
     /// Does `work` wholly on the threads of this place.
     fn run<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
         match &self.threads {
@@ -104,36 +104,36 @@ impl Place {
     }
 }
 
-impl Drop for Place {
+impl Drop for InspectionPlace {
     fn drop(&mut self) {
         self.kind.idle().extend(self.threads.take());
     }
 }
 
-/// What a whole file turned out to be.
+/// The result of an inspection of a whole file.
 pub struct Described {
-    /// What it says of itself, as JSON.
+    /// The header of the file, as JSON.
     pub header: String,
-    /// What its rays say.
+    /// The inspection of its rays.
     pub inspection: Inspection,
 }
 
-/// What must be known of a file to inspect it while it comes.
-pub struct Prospect {
+/// What an inspection needs to know of a file that is still arriving.
+pub struct ExpectedFile {
     name: String,
     declared: FileDeclaration,
     gone: CancellationToken,
 }
 
-impl Prospect {
-    /// Of a file that is announced.
-    pub fn of(announcement: &Announcement) -> Prospect {
+impl ExpectedFile {
+    /// The expected file of an announcement.
+    pub fn of(announcement: &Announcement) -> ExpectedFile {
         let Announcement { name, declared, gone, .. } = announcement.clone();
-        Prospect { name, declared, gone }
+        ExpectedFile { name, declared, gone }
     }
 }
 
-/// A file that is inspected while it comes. Dropped, that ends.
+/// The inspection of an arriving file; it ends when this is dropped.
 pub struct Inspecting {
     arriving: Arc<Arriving>,
     described: JoinHandle<Result<Result<Described, pipeline::Error>, Lost>>,
@@ -172,13 +172,13 @@ impl Places {
     /// to be inspected afterwards.
     pub fn inspect_as_it_comes(
         &self,
-        prospect: Prospect,
+        expected: ExpectedFile,
         blobs: Blobs,
         byte_count: u64,
         limits: Limits,
     ) -> Option<Inspecting> {
         let place = self.arriving.free()?;
-        let Prospect { name, declared, gone } = prospect;
+        let ExpectedFile { name, declared, gone } = expected;
         let arriving = Arc::new(Arriving::new(blobs, byte_count, Handle::current()));
         let bytes = Arc::clone(&arriving);
         // Its digest is not known yet; what is found does not depend on it.
@@ -194,7 +194,7 @@ impl Places {
     /// What a stored file turns out to be, as soon as there is a place for it and until its client is `gone`.
     ///
     /// # Errors
-    /// Nobody waits for it any more, or its thread could not be had; the inner error is the file's.
+    /// The client closed the connection, or there was no thread for the inspection; the inner error is the file's.
     pub async fn inspect(
         &self,
         input: Input,

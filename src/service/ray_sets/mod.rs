@@ -1,8 +1,9 @@
-//! Takes in a ray file, or several in a packed one: counts, hashes, judges and stores it while it streams by. Memory does not
-//! grow with the file: what is not yet a stored part is at most two parts. Hashing, storing and inspecting go on side by side
-//! while it comes. A packed file is stored as it comes and unpacked when all of it is there: its digest covers what was sent.
+//! Stores an uploaded ray file, or the ray files in an archive: counts, hashes, checks and stores the bytes while they arrive.
+//! Memory does not grow with the file: what is not yet a stored part is at most two parts. Hashing, storing and inspecting go on
+//! side by side while it comes. An archive is stored while it arrives and unpacked when it is complete: its digest is that of the
+//! archive.
 
-/// How much of a file has come.
+/// Length and digest of the bytes that have arrived.
 pub mod extent;
 /// Memory for parts.
 mod buffers;
@@ -10,7 +11,7 @@ mod buffers;
 mod arriving;
 /// What the rays of a file say.
 mod inspecting;
-/// From bytes to parts.
+/// Cutting a stream of bytes into stored parts.
 pub mod spool;
 /// What is in a packed file.
 mod unpack;
@@ -18,17 +19,17 @@ mod unpack;
 pub mod declaration;
 /// Fetches a ray file.
 pub mod fetch;
-/// Rows of what was found in their rays.
+/// Rows of inspections.
 pub mod inspections;
-/// How fast a body must come.
+/// Minimum speed of uploads.
 pub mod pace;
 /// Rows of ray sets.
 pub mod rows;
-/// What a sender says of a file before its bytes.
+/// What the client announces about a file before its bytes.
 pub mod announcement;
 /// Why a ray file is not taken in.
 pub mod error;
-/// What taking in a ray file needs.
+/// The parts of the service that an upload needs.
 pub mod intake;
 
 use crate::accounts::quota::Room;
@@ -45,7 +46,7 @@ use error::in_query;
 pub use extent::Digests;
 use futures::Stream;
 pub use inspecting::Places;
-use inspecting::{Described, Prospect};
+use inspecting::{Described, ExpectedFile};
 use intake::Intake;
 use pace::Pace;
 use pipeline::Input;
@@ -59,12 +60,12 @@ use std::sync::Arc;
 use tokio::runtime::Handle;
 use tokio_util::sync::CancellationToken;
 
-/// What came of an upload.
+/// The result of an upload.
 #[derive(Clone, Debug)]
 pub struct Taken {
-    /// The ray sets, one or more; they became known together.
+    /// The ray sets, one or more.
     pub ray_sets: Vec<RaySet>,
-    /// What else was in a packed file.
+    /// Other files in the archive, and why they were left out.
     pub left_out: Vec<LeftOut>,
 }
 
@@ -86,14 +87,14 @@ impl Intake {
         let stored = match self.receive(&id, announcement, room, body).await {
             Ok(stored) => stored,
             Err(error) => {
-                self.forget(&id).await;
+                self.delete_blobs(&id).await;
                 return Err(error);
             }
         };
         let is_packed = stored.is_packed;
         let drafts = self.drafts(stored, declared, room, gone).await;
         if is_packed || drafts.is_err() {
-            self.forget(&id).await;
+            self.delete_blobs(&id).await;
         }
         let (mut drafts, left_out) = drafts?;
         drafts.iter_mut().for_each(|draft| draft.ray_set.metadata = metadata.clone());
@@ -101,11 +102,11 @@ impl Intake {
         // From here on the rows may be there, whatever the answer: only the sweep of garbage can tell.
         let known = rows::insert(&self.storage.records, tenant, self.quota, drafts).await;
         let known = known.inspect_err(|error| {
-            tracing::error!(upload = id, %error, "an upload may or may not be known; its blobs stay until they are swept");
+            tracing::error!(upload = id, %error, "the database failed while it stored an upload; its blobs stay until the garbage collection");
         })?;
         if known.is_err() {
             for id in &ids {
-                self.forget(id).await;
+                self.delete_blobs(id).await;
             }
         }
         Ok(Taken { ray_sets: known?, left_out })
@@ -130,9 +131,9 @@ impl Intake {
     }
 
     /// Deletes the blobs of a ray set that no row names. Should this fail too, the next start sweeps them.
-    pub(super) async fn forget(&self, id: &str) {
+    pub(super) async fn delete_blobs(&self, id: &str) {
         if let Err(error) = self.storage.blobs.delete_all(&ray_set_folder(id)).await {
-            tracing::warn!(ray_set = id, %error, "blobs of an unfinished upload stay until they are swept");
+            tracing::warn!(ray_set = id, %error, "cannot delete the blobs of an unfinished upload; the garbage collection will");
         }
     }
 
@@ -144,9 +145,9 @@ impl Intake {
         room: Room,
         body: impl Stream<Item = Result<Bytes, E>>,
     ) -> Result<Stored, Error> {
-        room.admit(announcement.byte_count.unwrap_or(1))?;
+        room.check(announcement.byte_count.unwrap_or(1))?;
         let spool = Spool::new(self, id, announcement.byte_count);
-        let mut spool = spool.inspected(Prospect::of(&announcement));
+        let mut spool = spool.inspected(ExpectedFile::of(&announcement));
         if let Err(error) = self.fill(&mut spool, room, body).await {
             // What is on its way must be there before it is deleted; the first error is told.
             let _ = spool.settle().await;
@@ -169,7 +170,7 @@ impl Intake {
         let (mut body, mut pace) = (pin!(body), Pace::new(self.slowest));
         while let Some(chunk) = pace.next(&mut body).await? {
             spool.push(&chunk.map_err(|error| Error::Broken(error.to_string()))?).await?;
-            room.admit(spool.byte_count())?;
+            room.check(spool.byte_count())?;
         }
         Ok(())
     }

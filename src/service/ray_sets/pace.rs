@@ -9,15 +9,15 @@ use tokio::time::{Instant, timeout};
 /// The slowest that is waited for.
 #[derive(Clone, Copy, Debug)]
 pub struct Slowest {
-    /// How long each look takes.
+    /// Length of each interval.
     pub interval: Duration,
-    /// Least bytes in it.
+    /// Least number of bytes in each interval.
     pub bytes: u64,
 }
 
 /// A body that came slower than the slowest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{bytes} bytes came within {} s", .interval.as_secs_f64())]
+#[error("only {bytes} bytes arrived within {} s", .interval.as_secs_f64())]
 pub struct TooSlow {
     /// Bytes that came,
     pub bytes: u64,

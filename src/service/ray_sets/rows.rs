@@ -15,12 +15,12 @@ use crate::storage::records::{Records, Transaction};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
-/// A ray file as it was taken in.
+/// A ray set, read from its row.
 #[derive(Clone, Debug)]
 pub struct RaySet {
-    /// UUIDv7.
+    /// Identifier of the ray set, a UUIDv7.
     pub id: String,
-    /// What the user calls it.
+    /// Name of the file.
     pub name: String,
     /// Length, bytes.
     pub byte_count: u64,
@@ -28,49 +28,49 @@ pub struct RaySet {
     pub sha256: String,
     /// What the file says of itself: the pipeline's header without its texts, as JSON. The inspection has it whole.
     pub header: String,
-    /// What was said of it as it was sent.
+    /// What the client declared about the file.
     pub declared: FileDeclaration,
-    /// The packed file it came in, if it did.
+    /// The archive that the file was unpacked from, if it was in one.
     pub packed: Option<Packed>,
-    /// What its client says of it.
+    /// The client's own metadata.
     pub metadata: Metadata,
-    /// When it was complete, epoch ms.
+    /// When the upload of the file was complete, epoch ms.
     pub created_ms: i64,
 }
 
-/// A packed file that ray sets came in; its bytes are not kept.
+/// An archive that ray sets were unpacked from; the archive itself is not kept.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Packed {
-    /// What the user calls it.
+    /// Name of the file.
     pub name: String,
     /// SHA-256 of the bytes as sent, lower-case hex.
     pub sha256: String,
-    /// What else was in it, and why it is no ray set.
+    /// Other files in the archive, and why they were left out.
     pub left_out: Vec<LeftOut>,
 }
 
 /// Most files left out that are kept with each ray set of a packed file; the answer to the upload names all.
 const MOST_LEFT_OUT: usize = 100;
 
-/// A ray set to be: its parts are stored, its rows are not.
+/// A ray set whose parts are stored, but not its rows.
 #[derive(Clone, Debug)]
 pub struct Draft {
-    /// Itself.
+    /// Address of this object.
     pub ray_set: RaySet,
-    /// Its parts, in order.
+    /// The stored parts of the file, in order.
     pub parts: Vec<Part>,
-    /// What its rays say.
+    /// The inspection of the rays.
     pub inspection: Inspection,
 }
 
-/// What came of asking to delete a ray set.
+/// Result of deleting a ray set.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Deletion {
     /// Its row is gone; its blobs may go: all that is in these folders.
     Deleted(Vec<String>),
     /// An unfinished job needs it.
     Needed,
-    /// There is none.
+    /// There is no such ray set.
     Missing,
 }
 
@@ -116,7 +116,7 @@ pub async fn insert(
     for draft in new {
         known.push(insert_one(&mut transaction, tenant, draft).await?);
     }
-    if let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await? {
+    if let Err(exceeded) = quota.check_bytes(&mut transaction, tenant).await? {
         transaction.rollback().await?;
         return Ok(Err(exceeded));
     }
@@ -167,14 +167,14 @@ pub async fn get(records: &Records, tenant: &str, id: &str) -> Result<Option<Ray
     row.as_ref().map(ray_set).transpose()
 }
 
-/// Which ray sets of a tenant are meant; all where nothing is said.
+/// Selects ray sets of a tenant; the default selects all.
 #[derive(Clone, Debug, Default)]
 pub struct Wanted<'a> {
-    /// Called so.
+    /// Ray sets with this name.
     pub name: Option<&'a str>,
-    /// Of these bytes: their SHA-256, lower-case hex.
+    /// Ray sets whose file has this SHA-256, lower-case hex.
     pub sha256: Option<&'a str>,
-    /// With all of these keys and values.
+    /// Ray sets whose metadata has all of these keys and values.
     pub metadata: Metadata,
 }
 
@@ -261,13 +261,13 @@ pub async fn delete(records: &Records, tenant: &str, id: &str) -> Result<Deletio
     Ok(if get(records, tenant, id).await?.is_some() { Deletion::Needed } else { Deletion::Missing })
 }
 
-/// A file in a packed one that is no ray set, and why.
+/// A file in an archive that was not made a ray set, and why.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct LeftOut {
-    /// Its name in the packed file.
+    /// Name of the file in the archive.
     pub name: String,
-    /// Stable: programs may depend on it.
+    /// Stable code: programs may depend on it.
     pub code: String,
-    /// What was found, and what to do.
+    /// Why it was left out, and what to do.
     pub detail: String,
 }

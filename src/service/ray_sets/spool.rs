@@ -4,8 +4,8 @@
 use super::buffers::Buffer;
 use super::error::Error;
 use super::extent::{Digests, Extent};
+use super::inspecting::ExpectedFile;
 use super::inspecting::Inspecting;
-use super::inspecting::Prospect;
 use super::intake::Intake;
 use crate::storage::blobs::Blobs;
 use crate::storage::keys::ray_set_folder;
@@ -22,7 +22,8 @@ pub struct Spool<'a> {
     intake: &'a Intake,
     id: &'a str,
     announced: Option<u64>,
-    /// Tells its blobs from those of another request that adds to the same file; empty where there is no other.
+    /// Part of the keys of its blobs, which tells them from blobs of another request for the same file; empty where there is no
+    /// other.
     mark: String,
     /// Number of the part being filled.
     number: usize,
@@ -39,25 +40,25 @@ pub struct Spool<'a> {
     judged: bool,
     is_packed: bool,
     /// What an inspection needs that begins before the file is there, until it does.
-    prospect: Option<Prospect>,
+    expected: Option<ExpectedFile>,
     inspecting: Option<Inspecting>,
 }
 
-/// One file, stored and not known yet.
+/// A file whose bytes are stored, but not its rows.
 pub struct Stored {
-    /// Of the ray set that it becomes; its blobs are in that folder.
+    /// Identifier of the ray set that is made of the file; also the folder of its blobs.
     pub id: String,
-    /// What it is called.
+    /// Name of the file.
     pub name: String,
-    /// SHA-256 of its bytes, hex.
+    /// SHA-256 of the file, hex.
     pub sha256: String,
-    /// It is no ray file but may hold some.
+    /// Whether the file is an archive.
     pub is_packed: bool,
-    /// Its length, bytes.
+    /// Length of the file, bytes.
     pub byte_count: u64,
-    /// Its parts, in order.
+    /// Parts of the file, in order.
     pub parts: Vec<Part>,
-    /// The inspection that began while it came.
+    /// The inspection that began while the file arrived.
     pub inspecting: Option<Inspecting>,
 }
 
@@ -84,7 +85,7 @@ impl<'a> Spool<'a> {
             stored: Extent::of_one_request(),
             judged: false,
             is_packed: false,
-            prospect: None,
+            expected: None,
             inspecting: None,
         }
     }
@@ -99,8 +100,8 @@ impl<'a> Spool<'a> {
     }
 
     /// Inspects the file while it comes, where that is possible.
-    pub fn inspected(self, prospect: Prospect) -> Spool<'a> {
-        Spool { prospect: Some(prospect), ..self }
+    pub fn inspected(self, expected: ExpectedFile) -> Spool<'a> {
+        Spool { expected: Some(expected), ..self }
     }
 
     /// Judges nothing: a piece of a file begins anywhere in it.
@@ -188,7 +189,7 @@ impl<'a> Spool<'a> {
         self.settle().await?;
         let byte_count = self.came;
         if self.announced.is_some_and(|announced| announced != byte_count) {
-            return Err(Error::Truncated(format!("{byte_count} bytes came")));
+            return Err(Error::Truncated(format!("{byte_count} bytes arrived")));
         }
         if byte_count == 0 {
             return Err(Error::Empty);
@@ -232,13 +233,13 @@ impl<'a> Spool<'a> {
         if waits { self.settle().await } else { Ok(()) }
     }
 
-    /// Shows a part to whoever inspects the file as it comes; the first one begins that, when there are more to come.
+    /// Hands a part to the inspection of the arriving file; the first part starts the inspection if more parts follow.
     fn inspect(&mut self, bytes: &Bytes) {
-        if let (Some(prospect), false, Some(announced)) = (self.prospect.take(), self.is_packed, self.announced)
+        if let (Some(expected), false, Some(announced)) = (self.expected.take(), self.is_packed, self.announced)
             && announced > bytes.len() as u64
         {
             let Intake { inspections, storage, limits, .. } = self.intake;
-            self.inspecting = inspections.inspect_as_it_comes(prospect, storage.blobs.clone(), announced, *limits);
+            self.inspecting = inspections.inspect_as_it_comes(expected, storage.blobs.clone(), announced, *limits);
         }
         if let Some(inspecting) = &self.inspecting {
             inspecting.has_come(bytes.clone());

@@ -71,7 +71,7 @@ impl Unpacking {
             }
             Err(error) => {
                 for Draft { ray_set, .. } in &self.drafts {
-                    self.runtime.block_on(self.intake.forget(&ray_set.id));
+                    self.runtime.block_on(self.intake.delete_blobs(&ray_set.id));
                 }
                 Err(error)
             }
@@ -97,7 +97,7 @@ impl Unpacking {
             let (packed, gone) = (Some(self.packed.clone()), self.gone.clone());
             self.runtime.block_on(self.intake.draft(stored, packed, &self.declared, gone))
         });
-        kept.inspect_err(|_| self.runtime.block_on(self.intake.forget(&id)))
+        kept.inspect_err(|_| self.runtime.block_on(self.intake.delete_blobs(&id)))
     }
 
     fn store(&self, id: &str, name: &str, member: &mut Member<'_>) -> Result<Stored, Error> {
@@ -121,7 +121,7 @@ impl Unpacking {
                 return Ok(());
             }
             self.runtime.block_on(spool.push(block.get(..count).unwrap_or_default()))?;
-            self.room.admit(before + spool.byte_count())?;
+            self.room.check(before + spool.byte_count())?;
         }
     }
 }

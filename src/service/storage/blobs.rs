@@ -30,7 +30,7 @@ const S3_TIMEOUT: &str = "120 seconds";
 /// How long it may take to see why a blob could not be read.
 const LOOK: Duration = Duration::from_secs(3);
 
-/// The store. Cheap to clone.
+/// The object store. Cheap to clone.
 #[derive(Clone)]
 pub struct Blobs {
     store: Arc<dyn ObjectStore>,
@@ -41,7 +41,7 @@ pub struct Blobs {
 /// A blob as the store lists it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Listed {
-    /// Its key.
+    /// Key of the blob.
     pub key: String,
     /// How long ago it was written, by the clocks of the store and of this machine.
     pub age: Duration,
@@ -114,7 +114,7 @@ impl Blobs {
         self.folder.as_ref().map(|folder| folder.join(key))
     }
 
-    /// How much of a blob to ask for at once, bytes: a request to S3 costs as much time as a megabyte, one to a disk little.
+    /// Number of bytes of a blob to request at once: a request to S3 costs as much time as a megabyte, one to a disk little.
     pub fn block_bytes(&self) -> u64 {
         if self.folder.is_some() { 256 << 10 } else { 1 << 20 }
     }
@@ -151,7 +151,7 @@ impl Blobs {
                 Error::DamagedBlob { blob: key.to_owned(), found: found.size, expected }
             }
             (_, Some(said)) => said.into(),
-            (_, None) => Error::Blobs("the store gave fewer bytes than were asked for".into()),
+            (_, None) => Error::Blobs("the object store returned fewer bytes than were requested".into()),
         }
     }
 
@@ -177,7 +177,7 @@ impl Blobs {
         }
     }
 
-    /// A whole object that somebody else has written, its length and its bytes as they come; `None` when there is none.
+    /// A whole object that another program has written: its length and a stream of its bytes; `None` if there is none.
     ///
     /// # Errors
     /// The store did not answer.
@@ -227,8 +227,9 @@ impl Blobs {
         Ok(listed.try_collect().await?)
     }
 
-    /// Deletes what the local store was writing when its process was killed: `<key>#<number>`, which it does not list. Only
-    /// what is older than `age`, 0 being right only while nobody writes, and only where `is_ours` says so of the key. Their names.
+    /// Deletes the unfinished files of the local store, which a killed process left behind: `<key>#<number>`, which it does not
+    /// list. Deletes only files older than `age` (0 only while no process writes) and only keys that `is_ours` accepts. Returns
+    /// their names.
     ///
     /// # Errors
     /// The folder cannot be walked.

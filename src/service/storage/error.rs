@@ -3,16 +3,16 @@
 use std::io;
 use std::path::PathBuf;
 
-/// Why a database is not opened. For whoever starts the service; clients never see it.
+/// Why a database is not opened. Only the operator who starts the service sees this, never a client.
 #[derive(Debug, thiserror::Error)]
 pub enum Unusable {
-    /// It is something else.
+    /// The file is not a SQLite database.
     #[error("{} is not a SQLite database", .0.display())]
     NotADatabase(PathBuf),
-    /// It has tables, and none of ours.
+    /// The database has tables of another program only.
     #[error("{} is a database of another program", .0.display())]
     Foreign(PathBuf),
-    /// It is not there, and is not to be made.
+    /// The database does not exist, and its URL does not ask to create it.
     #[error("the database {} does not exist", .0.display())]
     Missing(PathBuf),
     /// A newer version of this program has changed its schema.
@@ -20,7 +20,7 @@ pub enum Unusable {
         "{database} was written by a newer version of lampwright: its schema has step {step}, this version ends at {known}"
     )]
     Newer {
-        /// Which.
+        /// The database or file.
         database: String,
         /// A step that this version does not know.
         step: i64,
@@ -33,9 +33,9 @@ pub enum Unusable {
     /// The file cannot be looked at or made.
     #[error("{}: {error}", path.display())]
     Disk {
-        /// Which.
+        /// The database or file.
         path: PathBuf,
-        /// Why.
+        /// The error of the system.
         error: io::Error,
     },
 }
@@ -53,7 +53,7 @@ impl Unusable {
         }
     }
 
-    /// What to do.
+    /// What the operator can do about it.
     pub fn remedy(&self) -> &'static str {
         match self {
             Unusable::NotADatabase(_) => {
@@ -61,14 +61,13 @@ impl Unusable {
             }
             Unusable::Foreign(_) => "Name another file with --database-url, or another folder with --data.",
             Unusable::Missing(_) => {
-                "Name the right file with --database-url; with mode=rwc in place of mode=rw it is made."
+                "Name the right file with --database-url; with mode=rwc instead of mode=rw the service creates it."
             }
             Unusable::Newer { .. } => "Start the newer version, or restore a backup from before it was first started.",
             Unusable::OtherBlobs => {
-                "Name the database that was used with this store before, with --database-url or --data; or an empty store, with \
-                 --storage-url."
+                "Name the database that was used with this object store before, with --database-url or --data; or name an empty object store with --storage-url."
             }
-            Unusable::Disk { .. } => "See to the permissions of the file and of the folders above it.",
+            Unusable::Disk { .. } => "Check the permissions of the file and of the folders above it.",
         }
     }
 }
@@ -83,7 +82,7 @@ pub enum Error {
     #[error("the object store failed: {0}")]
     Blobs(Box<dyn std::error::Error + Send + Sync>),
     /// No room for more.
-    #[error("a store is full")]
+    #[error("the storage is full")]
     Full,
     /// The object store does not have a blob that a row names: its key.
     #[error("the blob {0} is missing from the object store")]
@@ -98,8 +97,9 @@ pub enum Error {
         /// Its length in its row, bytes.
         expected: u64,
     },
-    /// A row that this version cannot read, a statement that cannot be meant: another attempt would fail the same way.
-    #[error("a fault of the service: {0}")]
+    /// An internal error, as a row that this version cannot read or a statement that is not valid: another attempt would fail the
+    /// same way.
+    #[error("an internal error of the service: {0}")]
     Fault(Box<dyn std::error::Error + Send + Sync>),
     /// A database that is not opened.
     #[error(transparent)]

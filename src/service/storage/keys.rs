@@ -7,7 +7,7 @@ pub fn new_id() -> String {
     Uuid::now_v7().to_string()
 }
 
-/// The folders of the object store that the service writes to; whatever else is there is somebody else's.
+/// The folders of the object store that the service writes to; all others belong to other programs.
 pub const FOLDERS: [&str; 3] = ["ray-sets", "artifacts", "probes"];
 
 /// Whether the service could have written a blob under this key: `ray-sets/<ray set>/<number>`, with `.<session>` behind it where

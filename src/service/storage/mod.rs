@@ -6,7 +6,7 @@ pub mod private;
 pub mod database_file;
 /// The database.
 pub mod records;
-/// One statement for everybody who asks at the same time.
+/// One statement for all reads at the same time.
 pub mod together;
 /// The object store.
 pub mod blobs;

@@ -14,16 +14,17 @@ const BLOCKS: usize = 8;
 /// Local files kept open, so that a part is not opened for every chunk of it.
 const FILES: usize = 8;
 
-/// One immutable piece of an upload.
+/// One stored part of a file, which never changes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// Key of its blob.
+    /// Key of the blob.
     pub blob: String,
     /// Length, bytes; never 0.
     pub byte_count: u64,
 }
 
-/// Parts in order, read like one file. Asked from the pipeline's own threads, never from an async one: it waits.
+/// The parts of a file in order, read like one file. Reading blocks: only threads of the pipeline may call it, never an async
+/// one.
 pub struct Parts {
     reader: PartReader,
     parts: Vec<Part>,
@@ -35,7 +36,7 @@ pub struct Parts {
 /// time for all threads.
 pub struct PartReader {
     blobs: Blobs,
-    /// What is asked of the store at once.
+    /// Number of bytes that one request to the store reads.
     block_bytes: u64,
     runtime: Handle,
     /// The blocks last begun, oldest first.
@@ -66,13 +67,13 @@ impl Parts {
 }
 
 impl PartReader {
-    /// Parts that are among `blobs`.
+    /// A reader of parts that are stored in `blobs`.
     pub fn new(blobs: Blobs, runtime: Handle) -> PartReader {
         let block_bytes = blobs.block_bytes();
         PartReader { blobs, block_bytes, runtime, blocks: Mutex::default(), files: Mutex::default() }
     }
 
-    /// Fills `into` from byte `from` of `part`, whose number is `index`. Waits: not to be called by an async thread.
+    /// Fills `into` from byte `from` of `part`, whose number is `index`. Blocks: must not be called on an async thread.
     ///
     /// # Errors
     /// The store did not answer, or has less than that.
@@ -174,6 +175,10 @@ impl pipeline::Bytes for Parts {
         Ok(())
     }
 }
+
+/// Longest part, bytes: every upload at hand holds one or two in memory, and eight at once are to stay below 64 MB with all they
+/// need. Less would be more rows, more requests to a store, and more waiting for a disk.
+pub const PART_BYTES: usize = 5 << 19;
 
 #[cfg(test)]
 mod tests {
@@ -282,7 +287,3 @@ mod tests {
         });
     }
 }
-
-/// Longest part, bytes: every upload at hand holds one or two in memory, and eight at once are to stay below 64 MB with all they
-/// need. Less would be more rows, more requests to a store, and more waiting for a disk.
-pub const PART_BYTES: usize = 5 << 19;

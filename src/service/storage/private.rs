@@ -117,9 +117,9 @@ impl Closed {
         }
     }
 
-    /// Logs what was open, in one line, and what still is, in another. The service goes on in either case: where a folder
-    /// belongs to somebody else (a volume that an administrator has prepared for a group) only its owner can close it, and a
-    /// service that refused could not be run there at all.
+    /// Logs what was open, in one line, and what still is, in another. The service goes on in either case: where a folder belongs
+    /// to another user (a volume that an administrator has prepared for a group) only its owner can close it, and a service that
+    /// refused could not be run there at all.
     pub fn log(&self) {
         let which = |paths: &mut dyn Iterator<Item = &PathBuf>, all: usize| {
             let named: Vec<String> = paths.take(NAMED).map(|path| path.display().to_string()).collect();
@@ -133,7 +133,7 @@ impl Closed {
                 folders,
                 files,
                 which,
-                "other users of this machine could open these; from now on only the service's user can"
+                "other users of this machine could open these files; now only the user of the service can"
             );
         }
         if let Some(Open { owner, error, .. }) = self.open.first() {
@@ -144,7 +144,7 @@ impl Closed {
                 owner,
                 user,
                 %error,
-                "other users of this machine can open these, and this process may not change that: their owner can, with chmod go="
+                "other users of this machine can open these files, and this process may not change that; the owner of the files can, with chmod go="
             );
         }
     }

@@ -1,5 +1,5 @@
-//! One statement for everybody who asks at the same time. Whoever asks while a read is under way is answered by the next one, so an
-//! answer is never older than its question, and the database is asked once however many clients wait.
+//! One statement for all reads at the same time. A read that is requested while another one runs is answered by the next one, so
+//! an answer is never older than its question, and the database is asked once however many clients wait.
 
 use super::error::Error;
 use futures::future::BoxFuture;
@@ -27,7 +27,7 @@ struct Shared<V> {
 }
 
 struct Waiting<V> {
-    /// A task answers, until nobody waits.
+    /// Whether a task answers the waiting reads.
     answering: bool,
     askers: Vec<(String, Asker<V>)>,
 }
@@ -39,7 +39,7 @@ impl<V> Clone for Together<V> {
 }
 
 impl<V: Clone + Send + 'static> Together<V> {
-    /// Nobody waits yet; `read` is asked for several keys at once, each of them once.
+    /// Reads with `read`, which is called with several different keys at a time.
     pub fn new<R>(read: R) -> Together<V>
     where
         R: Fn(Vec<String>) -> BoxFuture<'static, Result<HashMap<String, V>, Error>> + Send + Sync + 'static,
@@ -48,25 +48,25 @@ impl<V: Clone + Send + 'static> Together<V> {
         Together(Arc::new(Shared { read: Box::new(read), waiting }))
     }
 
-    /// What is known of `key`, as of this moment or later; `None` when it is not there.
+    /// The value of `key` as of this moment or later; `None` if there is none.
     ///
     /// # Errors
     /// The database did not answer.
     pub async fn ask(&self, key: &str) -> Result<Option<V>, Error> {
-        let (tell, told) = oneshot::channel();
-        if self.0.join(key.to_owned(), tell) {
+        let (sender, receiver) = oneshot::channel();
+        if self.0.join(key.to_owned(), sender) {
             // A task of its own: this client may go away, the others wait on.
             tokio::spawn(answer(Answering { shared: Arc::clone(&self.0), is_done: false }));
         }
-        told.await.unwrap_or_else(|_| Err(Error::Records("nobody answered".into())))
+        receiver.await.unwrap_or_else(|_| Err(Error::Records("the database did not answer".into())))
     }
 }
 
 impl<V> Shared<V> {
-    /// Waits with the others; true when nobody answers them yet.
-    fn join(&self, key: String, tell: Asker<V>) -> bool {
+    /// Adds a read to the waiting ones; true if no task answers them yet.
+    fn join(&self, key: String, sender: Asker<V>) -> bool {
         let mut waiting = self.waiting();
-        waiting.askers.push((key, tell));
+        waiting.askers.push((key, sender));
         !mem::replace(&mut waiting.answering, true)
     }
 
@@ -76,7 +76,7 @@ impl<V> Shared<V> {
     }
 }
 
-/// The task that answers; when it is lost, those who wait are told so and the next asker begins another.
+/// The task that answers; when it is lost, the waiting reads fail and the next one starts another task.
 struct Answering<V> {
     shared: Arc<Shared<V>>,
     is_done: bool,
@@ -105,14 +105,14 @@ async fn answer<V: Clone>(mut task: Answering<V>) {
         }
         let keys: BTreeSet<String> = askers.iter().map(|(key, _)| key.clone()).collect();
         let found = timeout(LONGEST, (task.shared.read)(keys.into_iter().collect())).await;
-        let found = found.unwrap_or_else(|_| Err(Error::Records("no answer in time".into())));
+        let found = found.unwrap_or_else(|_| Err(Error::Records("the database did not answer in time".into())));
         if found.is_err() {
             // Who came meanwhile does not wait for a second failure: that the database is away is true for them too.
             askers.append(&mut task.shared.waiting().askers);
         }
-        for (key, tell) in askers {
+        for (key, sender) in askers {
             // Whoever has gone does not hear it.
-            let _ = tell.send(match &found {
+            let _ = sender.send(match &found {
                 Ok(found) => Ok(found.get(&key).cloned()),
                 Err(error) => Err(Error::Records(error.to_string().into())),
             });

@@ -26,7 +26,7 @@ impl Traces {
             Ok(exporter) => exporter,
             Err(error) => {
                 // There are no logs yet to say it in.
-                eprintln!("no traces are sent: {error}");
+                eprintln!("cannot send traces: {error}");
                 return None;
             }
         };
@@ -41,7 +41,7 @@ impl Traces {
 impl Drop for Traces {
     fn drop(&mut self) {
         if let Err(error) = self.0.shutdown() {
-            eprintln!("the last traces were not sent: {error}");
+            eprintln!("cannot send the last traces: {error}");
         }
     }
 }

@@ -1,5 +1,5 @@
 //! Blobs that no row names, and never will: what killed processes, lost attempts and broken uploads left behind. Only what the
-//! service can have written itself is deleted; what else lies in the store is somebody's, and is left alone.
+//! service can have written itself is deleted; other objects in the store belong to other programs and are left alone.
 
 use crate::storage::Storage;
 use crate::storage::blobs::Listed;
@@ -22,8 +22,8 @@ pub struct Collected {
     pub left_alone: Vec<String>,
 }
 
-/// Deletes blobs that no row names, that no running attempt may yet name, and to whose folder nothing was written for `age`:
-/// whoever still sends a file writes a part before it counts as silent. An `age` of 0 is only right while nobody else writes. Every
+/// Deletes blobs that no row names, that no running attempt may yet name, and to whose folder nothing was written for `age`: a
+/// client that still sends a file writes a part before that. An `age` of 0 is only right while no other process writes. Every
 /// folder from which blobs are deleted is logged, and every blob at the level debug.
 ///
 /// # Errors
@@ -39,7 +39,7 @@ pub async fn collect(storage: &Storage, age: Duration) -> Result<Collected, Erro
     match storage.blobs.beside(&[&FOLDERS[..], &[OWNER_KEY]].concat()).await {
         Ok(beside) => left_alone.extend(beside),
         // Only to be told: a name that is no key is no reason to collect nothing.
-        Err(error) => tracing::debug!(%error, "cannot see what else is in the object store"),
+        Err(error) => tracing::debug!(%error, "cannot list the other objects in the object store"),
     }
     let mut youngest: HashMap<&str, Duration> = HashMap::new();
     for blob in &ours {
@@ -70,16 +70,20 @@ pub async fn collect(storage: &Storage, age: Duration) -> Result<Collected, Erro
 fn log(deleted: &[String]) {
     let mut folders: BTreeMap<&str, usize> = BTreeMap::new();
     for key in deleted {
-        tracing::debug!(key, "deleted a blob that no row names");
+        tracing::debug!(key, "deleted a blob that the database does not name");
         *folders.entry(folder(key)).or_default() += 1;
     }
     for (folder, blobs) in folders.iter().take(NAMED) {
-        tracing::info!(folder, blobs, "deleted blobs that no row names");
+        tracing::info!(folder, blobs, "deleted blobs that the database does not name");
     }
     let rest: Vec<usize> = folders.values().skip(NAMED).copied().collect();
     if !rest.is_empty() {
         let (folders, blobs) = (rest.len(), rest.iter().sum::<usize>());
-        tracing::info!(folders, blobs, "deleted blobs that no row names in more folders; the level debug names each");
+        tracing::info!(
+            folders,
+            blobs,
+            "deleted blobs that the database does not name, in more folders; the log level debug names each"
+        );
     }
 }
 
@@ -90,7 +94,11 @@ impl Collected {
         if count != told && count > 0 {
             let named: Vec<&str> = self.left_alone.iter().take(NAMED / 10).map(String::as_str).collect();
             let first = named.join(", ");
-            tracing::warn!(count, first, "the object store holds what this service did not write; it is left alone");
+            tracing::warn!(
+                count,
+                first,
+                "the object store holds objects that this service did not write; they are left alone"
+            );
         }
         count
     }

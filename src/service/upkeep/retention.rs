@@ -30,7 +30,7 @@ pub struct Deleted {
 /// A store did not answer. Blobs whose rows are gone are garbage, which is collected.
 pub async fn enforce(storage: &Storage, queue: &Queue, retention: &Retention) -> Result<Deleted, Error> {
     let mut deleted = Deleted::default();
-    while queue.forget_keys().await? > 0 {}
+    while queue.delete_old_keys().await? > 0 {}
     if let Some(age) = retention.jobs {
         for (tenant, id) in every(storage, ended(age)).await? {
             match queue.delete_unused(&tenant, &id, age).await {
@@ -61,8 +61,12 @@ pub async fn keep_up(storage: Storage, queue: Queue, retention: Retention) {
         ticker.tick().await;
         match enforce(&storage, &queue, &retention).await {
             Ok(deleted) if deleted == Deleted::default() => {}
-            Ok(Deleted { jobs, ray_sets }) => tracing::info!(jobs, ray_sets, "deleted what is kept no longer"),
-            Err(error) => tracing::warn!(%error, "cannot delete what is kept no longer; trying again later"),
+            Ok(Deleted { jobs, ray_sets }) => {
+                tracing::info!(jobs, ray_sets, "deleted jobs and ray sets whose retention time is over")
+            }
+            Err(error) => {
+                tracing::warn!(%error, "cannot delete jobs and ray sets whose retention time is over; trying again later")
+            }
         }
     }
 }

@@ -24,22 +24,22 @@ use std::pin::pin;
 /// A last part that is shorter than this is stored again with what follows, so that small requests do not leave small parts.
 const SHORT_BYTES: u64 = 1 << 20;
 
-/// Bytes that are to be added to an upload.
+/// The bytes that a request appends to an upload.
 #[derive(Clone, Debug, Default)]
 pub struct Piece {
-    /// Where the sender means to go on, bytes.
+    /// Offset of the request, bytes.
     pub offset: u64,
-    /// Its length, bytes, where known.
+    /// Length of the body, bytes, where known.
     pub byte_count: Option<u64>,
-    /// Length of the whole, where it is said only now, bytes.
+    /// Length of the whole file, if this request gives it, bytes.
     pub whole: Option<u64>,
-    /// What the sender says of it. All of it is kept or nothing, then.
+    /// Checksum of the body. With it, all of the body is kept or nothing.
     pub checksum: Option<Checksum>,
 }
 
 impl Uploads {
-    /// Adds to an upload of `tenant` what comes; the upload as it is then, waiting a while for its end when all is there. What
-    /// came of a body that breaks off is kept, unless a checksum was to say what it is.
+    /// Appends a body to an upload of `tenant` and returns the upload; if it is complete, waits a while for it to be finished. If
+    /// the body is interrupted, the bytes that arrived are kept, unless the request has a checksum.
     ///
     /// # Errors
     /// [`Error`].
@@ -122,7 +122,7 @@ impl Uploads {
     ) -> Result<Writing<'a>, Error> {
         let Intake { storage, .. } = &self.intake;
         let came = Extent::resumed(upload.offset, &upload.sha256_state);
-        let came = came.ok_or_else(|| storage::Error::fault("the state of a digest cannot be read"))?;
+        let came = came.ok_or_else(|| storage::Error::fault("the stored state of a digest cannot be read"))?;
         let (number, continued) = match rows::last_part(&storage.records, &upload.id).await? {
             Some((number, part)) if part.byte_count < SHORT_BYTES => (number, Some(part)),
             Some((number, _)) => (number + 1, None),
@@ -139,7 +139,7 @@ impl Uploads {
     }
 }
 
-/// One request that adds to an upload.
+/// One request that appends to an upload.
 pub struct Writing<'a> {
     uploads: &'a Uploads,
     tenant: &'a str,
@@ -155,7 +155,7 @@ pub struct Writing<'a> {
 }
 
 impl Writing<'_> {
-    /// Stores what comes; without a checksum it is named as it comes.
+    /// Stores the bytes of the body; without a checksum, they become part of the upload while they arrive.
     pub async fn receive<E: Display>(
         &mut self,
         piece: &mut Piece,
@@ -189,7 +189,7 @@ impl Writing<'_> {
             if self.spool.byte_count() + chunk.len() as u64 > whole {
                 return Err(Error::Beyond(whole));
             }
-            room.map_or(Ok(()), |room| room.admit(self.spool.byte_count() + chunk.len() as u64 - self.upload.offset))?;
+            room.map_or(Ok(()), |room| room.check(self.spool.byte_count() + chunk.len() as u64 - self.upload.offset))?;
             self.spool.push(&chunk).await?;
             match &mut piece.checksum {
                 Some(checksum) => checksum.update(&chunk),
@@ -198,7 +198,7 @@ impl Writing<'_> {
         }
         let came = self.spool.byte_count() - self.upload.offset;
         if piece.byte_count.is_some_and(|announced| announced != came) {
-            return Err(FileError::Truncated(format!("{came} bytes came")).into());
+            return Err(FileError::Truncated(format!("{came} bytes arrived")).into());
         }
         match piece.checksum.take().is_none_or(Checksum::holds) {
             true => Ok(()),
@@ -206,7 +206,7 @@ impl Writing<'_> {
         }
     }
 
-    /// Keeps what may be kept, and nothing else.
+    /// Keeps the bytes that may be kept, and deletes the others.
     pub async fn end(mut self, came: Result<(), Error>, checked: bool) -> Result<(), Error> {
         use FileError::{Broken, Slow, Truncated};
         let broke_off = matches!(came, Err(Error::Stopping | Error::File(Truncated(_) | Broken(_) | Slow(_))));
@@ -276,7 +276,7 @@ impl Writing<'_> {
     async fn delete(&self, parts: &[Part]) {
         for part in parts {
             if let Err(error) = self.uploads.intake.storage.blobs.delete(&part.blob).await {
-                tracing::warn!(blob = part.blob, %error, "a blob of an upload stays until it is swept");
+                tracing::warn!(blob = part.blob, %error, "cannot delete a blob of an upload; the garbage collection will");
             }
         }
     }
@@ -287,7 +287,7 @@ impl Writing<'_> {
         let refusal = (self.uploads.refusal_of)(Reason::File(error));
         let said = serde_json::to_string(&refusal).unwrap_or_default();
         if outcome::refuse_early(&intake.storage.records, id, self.session, &said, *expiry).await? {
-            self.uploads.forget_bytes(id, &self.upload.concat).await;
+            self.uploads.delete_upload_blobs(id, &self.upload.concat).await;
         }
         Ok(Error::Refused(Box::new(refusal)))
     }

@@ -1,6 +1,6 @@
-//! What becomes of an upload when all its bytes are there: ray sets, or a refusal. Any process that answers clients does this,
-//! one at a time, by lease; one that dies on the way leaves it to the next. The parts of a file that is not packed become
-//! the ray set's as they are: nothing is copied.
+//! Finishes complete uploads: makes ray sets of them, or refuses them. Every process that answers clients does this; a lease gives
+//! an upload to one of them at a time, and if that process ends, another one goes on. The parts of a file that is not packed
+//! become the ray set's as they are: nothing is copied.
 
 use super::outcome::Claim;
 use super::rows::{Concat, State, Upload};
@@ -34,24 +34,24 @@ const MAX_BACK_OFF: u32 = 32;
 /// Longest time between two looks for uploads whose time is over.
 const EXPIRY_LOOK: Duration = Duration::from_mins(1);
 
-/// What is to be done about an upload that could not be finished.
-enum Fate {
-    /// It is refused.
-    Refused,
-    /// The same, but for its bytes: they were accepted, and nobody knows what is wrong with them.
-    GivenUp,
-    /// Tried again; it counts as an attempt when it may be the upload's fault.
-    Again { counted: bool },
-    /// It is another's, or deleted.
-    Lost,
+/// What happens to an upload after a failed attempt to finish it.
+enum AfterFailure {
+    /// Refuse the upload and delete its bytes.
+    Refuse,
+    /// Refuse the upload but keep its bytes, because it is not known what is wrong with them.
+    GiveUp,
+    /// Try again later; the attempt is counted if the upload may be at fault.
+    Retry { counted: bool },
+    /// Do nothing: another process has the upload, or it is deleted.
+    Leave,
 }
 
 /// What an upload is to become.
 type Made = Result<(Vec<Draft>, Vec<LeftOut>), FileError>;
 
 impl Uploads {
-    /// Finishes uploads whose bytes are all there, [`AT_ONCE`] at a time, until the service stops: those of this process, and
-    /// what others have left.
+    /// Finishes complete uploads, [`AT_ONCE`] at a time, until the service stops: the uploads of this process, and those that
+    /// other processes have left.
     pub async fn finish_all(self, poll: Duration) {
         let (mut ticker, mut tasks, mut at_hand) = (interval(poll), JoinSet::new(), HashMap::new());
         ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -70,7 +70,7 @@ impl Uploads {
                 () = self.stopping.cancelled() => break,
             }
             if let Err(error) = self.finish_waiting(&mut tasks, &mut at_hand).await {
-                tracing::warn!(%error, "cannot look for uploads to be finished; trying again later");
+                tracing::warn!(%error, "cannot search for uploads to finish; trying again later");
             }
         }
         while tasks.join_next().await.is_some() {}
@@ -113,7 +113,7 @@ impl Uploads {
         Ok(())
     }
 
-    /// Finishes the upload `id`, if all its bytes are there and nobody else does.
+    /// Finishes the upload `id`, if it is complete and no other process finishes it.
     async fn finish(&self, id: &str) -> Result<(), storage::Error> {
         let Some(claim) = outcome::claim(&self.intake.storage.records, id, self.lease).await? else {
             return Ok(());
@@ -125,16 +125,16 @@ impl Uploads {
         let _gone = gone.clone().drop_guard();
         let mut making = pin!(self.make(&claim, gone.clone()));
         let made = tokio::select! {
-            made = self.mind(&claim, &gone, &mut making) => made,
+            made = self.supervise(&claim, &gone, &mut making) => made,
             () = self.stopping.cancelled() => return self.let_go(&claim, &gone, making).await,
         };
         match made {
             Ok((drafts, left_out)) => self.take(&claim, drafts, left_out).await,
-            Err(error) => match self.fate(&claim, &error) {
-                Fate::Refused => self.refuse(&claim, Reason::File(error), false).await,
-                Fate::GivenUp => self.refuse(&claim, Reason::File(error), true).await,
-                Fate::Again { counted } => self.put_back(&claim, &error, counted).await,
-                Fate::Lost => Ok(()),
+            Err(error) => match self.after_failure(&claim, &error) {
+                AfterFailure::Refuse => self.refuse(&claim, Reason::File(error), false).await,
+                AfterFailure::GiveUp => self.refuse(&claim, Reason::File(error), true).await,
+                AfterFailure::Retry { counted } => self.put_back(&claim, &error, counted).await,
+                AfterFailure::Leave => Ok(()),
             },
         }
     }
@@ -150,12 +150,12 @@ impl Uploads {
         outcome::put_back(&self.intake.storage.records, claim, Duration::ZERO, false).await?;
         // It may have come to its end all the same.
         if let Ok((drafts, _)) = making.await {
-            self.forget_unpacked(claim, drafts.iter().map(|draft| draft.ray_set.id.as_str())).await;
+            self.delete_unpacked_blobs(claim, drafts.iter().map(|draft| draft.ray_set.id.as_str())).await;
         }
         Ok(())
     }
 
-    /// The end of an upload whose bytes are all there, as far as it comes soon.
+    /// Waits up to [`WAIT`] for a complete upload to be finished, and returns it.
     pub(super) async fn ended(&self, tenant: &str, id: &str) -> Result<Upload, Error> {
         let begun = Instant::now();
         self.ends.come.notify_one();
@@ -174,8 +174,8 @@ impl Uploads {
         }
     }
 
-    /// Waits for `making`, renewing the lease; tells it when that is lost.
-    async fn mind<T>(&self, claim: &Claim, gone: &CancellationToken, making: impl Future<Output = T>) -> T {
+    /// Runs `making` to its end while the lease is renewed; cancels `gone` when the lease is lost.
+    async fn supervise<T>(&self, claim: &Claim, gone: &CancellationToken, making: impl Future<Output = T>) -> T {
         let mut ticker = interval(self.lease / 3);
         ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let mut making = pin!(making);
@@ -185,7 +185,7 @@ impl Uploads {
                 _ = ticker.tick() => match outcome::renew(&self.intake.storage.records, claim, self.lease).await {
                     Ok(true) => {}
                     Ok(false) => gone.cancel(),
-                    Err(error) => tracing::warn!(upload = claim.upload.id, %error, "cannot renew a lease"),
+                    Err(error) => tracing::warn!(upload = claim.upload.id, %error, "cannot renew the lease of an upload; trying again"),
                 },
             }
         }
@@ -202,7 +202,7 @@ impl Uploads {
         let extent = match &upload.concat {
             Concat::Final { .. } => self.read_once(&stored, gone.clone()).await?,
             Concat::Whole | Concat::Partial => Extent::resumed(upload.offset, &upload.sha256_state)
-                .ok_or_else(|| storage::Error::fault("the state of a digest cannot be read"))?,
+                .ok_or_else(|| storage::Error::fault("the stored state of a digest cannot be read"))?,
         };
         stored.sha256 = extent.sha256();
         if let Some(announced) = upload.announced.iter().find(|announced| **announced != stored.sha256) {
@@ -216,7 +216,8 @@ impl Uploads {
         Ok(made)
     }
 
-    /// Reads a stored file to its end for its digest: those of its pieces say nothing of the whole. On a thread that may block.
+    /// Reads a stored file to its end for its SHA-256, which does not follow from those of its pieces. Runs on a thread that may
+    /// block.
     async fn read_once(&self, stored: &Stored, gone: CancellationToken) -> Result<Extent, FileError> {
         let bytes = self.intake.read(stored);
         let reading = priority::compute("digest", move || {
@@ -248,21 +249,21 @@ impl Uploads {
         Ok(prefix)
     }
 
-    fn fate(&self, claim: &Claim, error: &FileError) -> Fate {
+    fn after_failure(&self, claim: &Claim, error: &FileError) -> AfterFailure {
         match Cause::from(error) {
-            Cause::Input => Fate::Refused,
-            Cause::Stopped => Fate::Lost,
-            Cause::Ours if claim.attempt >= i64::from(self.max_attempts) => Fate::GivenUp,
-            Cause::Ours => Fate::Again { counted: true },
+            Cause::Input => AfterFailure::Refuse,
+            Cause::Stopped => AfterFailure::Leave,
+            Cause::Ours if claim.attempt >= i64::from(self.max_attempts) => AfterFailure::GiveUp,
+            Cause::Ours => AfterFailure::Retry { counted: true },
             // A store that never answers must not keep the upload for ever: its bytes stay as long again. The same for one that
             // has lost bytes: nobody else has them, and they come back if it was a disk that is not mounted.
-            Cause::StoreAway | Cause::StoreDamaged if claim.is_overdue => Fate::GivenUp,
-            Cause::StoreAway | Cause::StoreDamaged => Fate::Again { counted: false },
+            Cause::StoreAway | Cause::StoreDamaged if claim.is_overdue => AfterFailure::GiveUp,
+            Cause::StoreAway | Cause::StoreDamaged => AfterFailure::Retry { counted: false },
         }
     }
 
     async fn put_back(&self, claim: &Claim, error: &FileError, counted: bool) -> Result<(), storage::Error> {
-        tracing::warn!(upload = claim.upload.id, attempt = claim.attempt, %error, "an upload is finished later");
+        tracing::warn!(upload = claim.upload.id, attempt = claim.attempt, %error, "cannot finish an upload now; trying again later");
         let wait = if counted { self.lease } else { back_off(self.lease, claim.fence) };
         outcome::put_back(&self.intake.storage.records, claim, wait, counted).await
     }
@@ -276,9 +277,9 @@ impl Uploads {
         // Should this fail, rows may or may not name them: only the sweep of garbage can tell.
         let taken = outcome::take(records, self.intake.quota, claim, drafts, &result, self.expiry).await?;
         if taken != Ok(true) {
-            self.forget_unpacked(claim, ids.iter().map(String::as_str)).await;
+            self.delete_unpacked_blobs(claim, ids.iter().map(String::as_str)).await;
         } else if !ids.contains(id) {
-            self.forget_bytes(id, &claim.upload.concat).await;
+            self.delete_upload_blobs(id, &claim.upload.concat).await;
         }
         match taken {
             Err(exceeded) => self.refuse(claim, Reason::File(exceeded.into()), false).await,
@@ -287,9 +288,9 @@ impl Uploads {
     }
 
     /// Deletes the blobs of ray sets to be, but for those that are the upload's own.
-    async fn forget_unpacked(&self, claim: &Claim, ray_sets: impl Iterator<Item = &str>) {
+    async fn delete_unpacked_blobs(&self, claim: &Claim, ray_sets: impl Iterator<Item = &str>) {
         for id in ray_sets.filter(|id| *id != claim.upload.id) {
-            self.intake.forget(id).await;
+            self.intake.delete_blobs(id).await;
         }
     }
 
@@ -302,16 +303,16 @@ impl Uploads {
                 upload = id,
                 tenant = claim.tenant,
                 problem = said,
-                "an upload is given up; its bytes stay"
+                "an upload failed for good; its bytes are kept until it expires"
             );
             outcome::give_up(records, claim, &said, self.expiry).await?;
         } else if outcome::refuse(records, claim, &said, self.expiry).await? {
-            self.forget_bytes(id, &claim.upload.concat).await;
+            self.delete_upload_blobs(id, &claim.upload.concat).await;
         }
         Ok(())
     }
 
-    /// Forgets what nobody goes on with, and what has ended long ago, again and again.
+    /// Deletes expired uploads, again and again.
     pub async fn keep_up(self) {
         let mut ticker = interval((self.expiry / 24).clamp(LOOK, EXPIRY_LOOK));
         ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -325,11 +326,11 @@ impl Uploads {
         match outcome::expire(&self.intake.storage.records).await {
             Ok(expired) => {
                 for gone in expired {
-                    tracing::info!(upload = gone.id, state = gone.was.name(), "an upload's time is over");
-                    self.forget(&gone).await;
+                    tracing::info!(upload = gone.id, state = gone.was.name(), "an upload has expired");
+                    self.delete_unless_taken(&gone).await;
                 }
             }
-            Err(error) => tracing::warn!(%error, "cannot look for uploads whose time is over; trying again later"),
+            Err(error) => tracing::warn!(%error, "cannot search for expired uploads; trying again later"),
         }
     }
 }

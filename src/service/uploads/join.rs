@@ -13,7 +13,8 @@ use crate::storage::keys::new_id;
 
 impl Uploads {
     /// Makes the final upload of these `partials` of `tenant`, in this order, and waits a while for its end. `sent` is
-    /// `Upload-Concat`. Asked again with the same pieces and metadata, it is the same upload: whoever lost the answer learns it.
+    /// `Upload-Concat`. The same request, sent again with the same pieces and metadata, gives the same upload, so that a client
+    /// whose answer was lost gets it.
     ///
     /// # Errors
     /// [`Error::Missing`], [`Error::Piece`], [`Error::File`]: it was not begun. [`Error::Refused`]: it was, and its bytes are gone.
@@ -48,7 +49,7 @@ impl Uploads {
             new.byte_count = Some(self.length(&pieces)?);
             let joining = Joining { new: new.clone(), sent, partials };
             if let Some(made) = join_rows::join(records, tenant, self.intake.quota, &joining, self.expiry).await?? {
-                tracing::info!(upload = made.id, pieces = partials.len(), "an upload was put together");
+                tracing::info!(upload = made.id, pieces = partials.len(), "a final upload was made of partial uploads");
                 return self.ended(tenant, &made.id).await;
             }
         }
@@ -102,7 +103,7 @@ impl Uploads {
 /// Whether a piece is what was announced of it.
 fn holds(piece: &Upload) -> Result<(), FileError> {
     let extent = Extent::resumed(piece.offset, &piece.sha256_state);
-    let extent = extent.ok_or_else(|| storage::Error::fault("the state of a digest cannot be read"))?;
+    let extent = extent.ok_or_else(|| storage::Error::fault("the stored state of a digest cannot be read"))?;
     let found = extent.sha256();
     match piece.announced.iter().find(|announced| **announced != found) {
         Some(announced) => Err(FileError::Digest { announced: announced.clone(), found }),

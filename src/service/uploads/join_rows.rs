@@ -50,7 +50,7 @@ pub async fn join(
     }
     let made = insert(&mut transaction, tenant, joining, expiry).await?;
     move_parts(&mut transaction, joining).await?;
-    if let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await? {
+    if let Err(exceeded) = quota.check_bytes(&mut transaction, tenant).await? {
         transaction.rollback().await?;
         return Ok(Err(exceeded));
     }
@@ -78,7 +78,7 @@ async fn insert(
     let insert = insert.bind(ms(expiry)).bind(*sent).bind(json(serde_json::to_string(partials))?);
     let insert = insert.bind(rows::written(&new.client_metadata)?);
     let rows = transaction.read(insert).await?;
-    upload(rows.first().ok_or_else(|| Error::fault("a final upload was inserted and not told"))?)
+    upload(rows.first().ok_or_else(|| Error::fault("the database did not return an inserted final upload"))?)
 }
 
 /// Numbers the parts of the pieces one after the other.

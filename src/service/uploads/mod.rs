@@ -1,20 +1,20 @@
 //! Uploads that come in several requests (tus): append, finish, outcome.
 
-/// Uploads that can be resumed.
+/// Appending bytes to uploads.
 pub mod append;
-/// What a client says of the bytes of one request.
+/// Checksums of the bytes of one request.
 pub mod checksum;
-/// What becomes of them.
+/// Finishing complete uploads: making ray sets of them, or refusing them.
 pub mod finish;
-/// Uploads that are made of others.
+/// Final uploads, which are made of partial ones.
 pub mod join;
-/// How several become one.
+/// Rows of final uploads.
 pub mod join_rows;
-/// How those end.
+/// Rows of uploads that end: as ray sets, refused, deleted or expired.
 pub mod outcome;
-/// Rows of uploads that can be resumed.
+/// Rows of resumable uploads.
 pub mod rows;
-/// What requests and the finishing of uploads tell each other.
+/// Signals between requests and the finishing of uploads.
 pub mod signals;
 
 use crate::accounts::quota::Exceeded;
@@ -32,51 +32,51 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio_util::sync::CancellationToken;
 
-/// Why nothing, or not all, of a request is kept.
+/// Why a request for an upload is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// There is no such upload.
     #[error("there is no upload {0}")]
     Missing(String),
-    /// The request goes on from elsewhere than the upload does.
-    #[error("{at} bytes are there")]
+    /// The offset of the request is not that of the upload.
+    #[error("the upload has {at} bytes")]
     Offset {
-        /// Where the upload goes on, bytes.
+        /// Number of bytes that the upload has.
         at: u64,
     },
-    /// All bytes are there.
-    #[error("all bytes are there")]
+    /// The upload has all of its bytes.
+    #[error("the upload is complete")]
     Complete,
-    /// The upload is made of others: nothing can be added to it.
-    #[error("the upload is made of others")]
+    /// The upload is final: no bytes can be added to it.
+    #[error("the upload is made of partial uploads")]
     Final,
     /// An upload that cannot be a piece of another.
-    #[error("the upload {id} cannot be a piece: {unusable:?}")]
+    #[error("the upload {id} cannot be part of a final upload: {unusable:?}")]
     Piece {
         /// The upload.
         id: String,
-        /// Why.
+        /// Why the upload cannot be used.
         unusable: Unusable,
     },
-    /// The upload was refused; this was said.
+    /// The upload was refused, for this reason.
     #[error("{}", .0.detail)]
     Refused(Box<Refusal>),
-    /// More bytes than announced.
-    #[error("more than the {0} bytes announced")]
+    /// The request has more bytes than the announced length allows.
+    #[error("the upload goes beyond its announced {0} bytes")]
     Beyond(u64),
-    /// A length is announced where one was before, or less than is there.
-    #[error("the length is known, or less than what is there")]
+    /// The upload has a different length, or more bytes than the length of the request.
+    #[error("the upload has a different length, or more bytes than this length")]
     Length,
-    /// Not the bytes that the sender meant.
+    /// The bytes do not have the announced checksum.
     #[error("the checksum does not match")]
     Checksum,
     /// The tenant has too many unfinished uploads.
     #[error("{0} uploads are unfinished")]
     TooMany(u64),
-    /// The service stops.
+    /// The service is stopping.
     #[error("the service is stopping")]
     Stopping,
-    /// What can happen to any file.
+    /// The file cannot be stored, or is not a ray file.
     #[error(transparent)]
     File(#[from] FileError),
 }
@@ -93,16 +93,16 @@ impl From<Exceeded> for Error {
     }
 }
 
-/// Takes uploads that can be resumed. Cheap to clone.
+/// Receives and finishes resumable uploads. Cheap to clone.
 #[derive(Clone)]
 pub struct Uploads {
-    /// What is done with any file.
+    /// Stores and reads files of any upload.
     pub intake: Intake,
-    /// How long an upload is kept to which nothing is added, and one that has ended.
+    /// Time until an upload expires to which no bytes are added, or which has ended.
     pub expiry: Duration,
-    /// How long a process that finishes an upload may be silent before another does.
+    /// Time without a renewal of its lease after which another process finishes an upload.
     pub lease: Duration,
-    /// How often an upload may be begun to be finished before it counts as what kills its process.
+    /// Number of attempts to finish an upload whose process ends unexpectedly, before the upload is refused.
     pub max_attempts: u32,
     /// The words for a refusal, which are stored with the upload.
     pub refusal_of: fn(Reason) -> Refusal,
@@ -149,38 +149,38 @@ impl Uploads {
     /// [`Error::Missing`], [`Error::File`].
     pub async fn delete(&self, tenant: &str, id: &str) -> Result<(), Error> {
         let was = outcome::delete(&self.intake.storage.records, tenant, id).await?;
-        self.forget(&was.ok_or_else(|| Error::Missing(id.to_owned()))?).await;
+        self.delete_unless_taken(&was.ok_or_else(|| Error::Missing(id.to_owned()))?).await;
         Ok(())
     }
 
-    /// The same for one whose sender never heard of it, unless it has become ray sets.
+    /// Deletes an upload whose client never learned of it, unless ray sets were made of it.
     pub async fn abandon(&self, tenant: &str, id: &str) {
         match outcome::abandon(&self.intake.storage.records, tenant, id).await {
-            Ok(Some(was)) => self.forget(&was).await,
+            Ok(Some(was)) => self.delete_unless_taken(&was).await,
             Ok(None) => {}
             Err(error) => {
-                tracing::warn!(upload = id, %error, "an upload that nobody knows of stays until its time is over");
+                tracing::warn!(upload = id, %error, "cannot delete an upload whose client went away; it stays until it expires");
             }
         }
     }
 
     /// Deletes the blobs of an upload whose row is gone. Of one that was taken they are a ray set's, of one that was joined they
     /// are another upload's.
-    pub(super) async fn forget(&self, gone: &Gone) {
+    pub(super) async fn delete_unless_taken(&self, gone: &Gone) {
         if !matches!(gone.was, State::Taken | State::Joined) {
-            self.forget_bytes(&gone.id, &gone.concat).await;
+            self.delete_upload_blobs(&gone.id, &gone.concat).await;
         }
     }
 
     /// Deletes the blobs of an upload: its own, and those of its pieces, which are its own too.
-    pub(super) async fn forget_bytes(&self, id: &str, concat: &Concat) {
-        self.intake.forget(id).await;
+    pub(super) async fn delete_upload_blobs(&self, id: &str, concat: &Concat) {
+        self.intake.delete_blobs(id).await;
         for piece in concat.partials() {
-            self.intake.forget(piece).await;
+            self.intake.delete_blobs(piece).await;
         }
     }
 
-    /// Whether a file may be so long.
+    /// Checks the length of a file against the limits.
     pub(super) fn fits(&self, whole: u64) -> Result<(), FileError> {
         match whole {
             0 => Err(FileError::Empty),
@@ -190,14 +190,14 @@ impl Uploads {
     }
 }
 
-/// What was said when `upload` was refused; `None` where it was not, or what was said cannot be read.
+/// The stored refusal of `upload`; `None` if it was not refused, or the refusal cannot be read.
 pub fn refusal(upload: &Upload) -> Option<Refusal> {
     upload.result.as_deref().and_then(|result| serde_json::from_str(result).ok())
 }
 
-/// Why an upload is refused.
+/// The reason for which an upload is refused.
 pub enum Reason {
-    /// What can happen to any file.
+    /// The file cannot be stored, or is not a ray file.
     File(FileError),
     /// The process that made ray sets of it disappeared as often as that may happen.
     FinishingLost(u32),
@@ -208,14 +208,14 @@ pub fn state(extent: &Extent) -> Result<String, storage::Error> {
     extent.state().ok_or_else(|| storage::Error::fault("the digest of an upload cannot go on"))
 }
 
-/// What is wrong with a piece that is named.
+/// Why an upload cannot be part of a final upload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unusable {
-    /// It is an upload, and not a partial one.
+    /// The upload is not a partial one.
     NotPartial,
-    /// Bytes of it are missing.
+    /// The partial upload is not complete.
     Unfinished,
-    /// It is a piece of another final upload.
+    /// The partial upload belongs to another final upload.
     Used,
 }
 
@@ -223,6 +223,6 @@ pub enum Unusable {
 pub fn refused(upload: &Upload) -> Error {
     match refusal(upload) {
         Some(refusal) => Error::Refused(Box::new(refusal)),
-        None => storage::Error::fault("what was said of a refused upload cannot be read").into(),
+        None => storage::Error::fault("the stored refusal of an upload cannot be read").into(),
     }
 }

@@ -1,5 +1,5 @@
-//! How uploads that can be resumed end: as ray sets, refused, deleted or expired. Whoever finishes one holds a lease by the
-//! database's clock, and its fence is named by the transaction that ends it: an upload ends once.
+//! How resumable uploads end: as ray sets, refused, deleted or expired. The process that finishes an upload holds a lease by the
+//! clock of the database, and its fence is named by the transaction that ends it: an upload ends once.
 
 use super::rows::{Concat, State, Upload, changed, upload};
 use crate::accounts::quota::{Exceeded, Quota};
@@ -14,29 +14,29 @@ use std::time::Duration;
 /// Uploads looked at in one go.
 const BATCH: i64 = 100;
 
-/// An upload whose bytes are all there, taken by this process to be finished, until the lease ends.
+/// A complete upload that this process has claimed to finish, until its lease ends.
 #[derive(Clone, Debug)]
 pub struct Claim {
-    /// Whose it is.
+    /// Tenant of the upload.
     pub tenant: String,
-    /// The upload.
+    /// The claimed upload.
     pub upload: Upload,
-    /// Names this claim among all of the upload's.
+    /// Number of this claim, unique among all claims of the upload.
     pub fence: i64,
-    /// How often it was begun to be finished, this time included.
+    /// Number of attempts to finish the upload, this one included.
     pub attempt: i64,
-    /// Its time was over before this claim.
+    /// Whether the upload had expired before this claim.
     pub is_overdue: bool,
 }
 
 /// An upload whose row is gone.
 #[derive(Clone, Debug)]
 pub struct Gone {
-    /// Its identifier.
+    /// Identifier of the upload.
     pub id: String,
-    /// Where it was.
+    /// State that the upload had.
     pub was: State,
-    /// Whether it was a file by itself.
+    /// Whether the upload was whole, partial or final.
     pub concat: Concat,
 }
 
@@ -44,7 +44,7 @@ fn gone(row: &Row) -> Result<Gone, Error> {
     Ok(Gone { id: row.text("id")?, was: State::parse(&row.text("state")?)?, concat: Concat::of(row)? })
 }
 
-/// Uploads whose bytes are all there and which nobody has, the oldest first.
+/// Complete uploads that no process has claimed, the oldest first.
 ///
 /// # Errors
 /// The database did not answer.
@@ -54,7 +54,7 @@ pub async fn waiting(records: &Records) -> Result<Vec<String>, Error> {
     records.read(sql(select).bind(BATCH)).await?.iter().map(|row| row.text("id")).collect()
 }
 
-/// Takes the upload `id`, if all its bytes are there and nobody else has it.
+/// Claims the upload `id`, if it is complete and no other process has it.
 ///
 /// # Errors
 /// The database did not answer.
@@ -85,7 +85,8 @@ pub async fn renew(records: &Records, claim: &Claim, lease: Duration) -> Result<
     Ok(records.write(at(sql(renew).bind(ms(lease)), claim)).await? > 0)
 }
 
-/// Leaves the upload for whoever comes after `wait`; an attempt that is not `counted` was not the upload's fault.
+/// Gives a claimed upload back, to be claimed again after `wait`; an attempt that was not the fault of the upload is not
+/// `counted`.
 ///
 /// # Errors
 /// The database did not answer.
@@ -115,14 +116,14 @@ pub async fn take(
         transaction.rollback().await?;
         return Ok(Ok(false));
     }
-    forget_parts(&mut transaction, &claim.upload.id).await?;
+    delete_part_rows(&mut transaction, &claim.upload.id).await?;
     let becomes: u64 = drafts.iter().map(|draft| draft.ray_set.byte_count).sum();
     for draft in drafts {
         rows::insert_one(&mut transaction, &claim.tenant, draft).await?;
     }
     // What came has had its room since then; only what was packed needs more.
     if becomes > claim.upload.offset
-        && let Err(exceeded) = quota.admit_bytes(&mut transaction, &claim.tenant).await?
+        && let Err(exceeded) = quota.check_bytes(&mut transaction, &claim.tenant).await?
     {
         transaction.rollback().await?;
         return Ok(Err(exceeded));
@@ -177,7 +178,7 @@ async fn refused(records: &Records, id: &str, refuse: Statement) -> Result<bool,
         transaction.rollback().await?;
         return Ok(false);
     }
-    forget_parts(&mut transaction, id).await?;
+    delete_part_rows(&mut transaction, id).await?;
     transaction.commit().await?;
     Ok(true)
 }
@@ -201,7 +202,7 @@ pub async fn abandon(records: &Records, tenant: &str, id: &str) -> Result<Option
     changed(records, abandon).await?.as_ref().map(gone).transpose()
 }
 
-/// Forgets uploads whose time is over. Never one whose bytes are all there.
+/// Deletes expired uploads, but never one whose bytes are all there, and returns them.
 ///
 /// # Errors
 /// The database did not answer.
@@ -229,7 +230,7 @@ fn at(statement: Statement, claim: &Claim) -> Statement {
     statement.bind(claim.upload.id.as_str()).bind(claim.fence)
 }
 
-async fn forget_parts(transaction: &mut Transaction, id: &str) -> Result<(), Error> {
+async fn delete_part_rows(transaction: &mut Transaction, id: &str) -> Result<(), Error> {
     transaction.write(sql("DELETE FROM upload_parts WHERE upload_id = $1").bind(id)).await?;
     Ok(())
 }

@@ -1,5 +1,5 @@
-//! Rows of uploads that can be resumed, while their bytes come. Every change names what it is a change of: the offset it
-//! goes on from and the session that may. What ends them is in `outcome.rs`.
+//! Rows of resumable uploads while their bytes arrive. Every change names the offset that it continues at and the request that
+//! may make it. The ends of uploads are in `outcome.rs`.
 
 use crate::accounts::quota::{Exceeded, Quota};
 use crate::metadata::{Metadata, rows};
@@ -11,47 +11,47 @@ use crate::storage::records::statement::{Row, Statement, ms, sql};
 use crate::storage::records::{Records, Transaction};
 use std::time::Duration;
 
-/// Unfinished uploads that a tenant may have at once.
+/// Largest number of unfinished uploads of a tenant.
 pub const MAX_UNFINISHED: u64 = 1000;
 /// `Upload-Concat` of a partial upload.
 pub const PARTIAL: &str = "partial";
 
-/// Where an upload is.
+/// State of an upload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
-    /// Bytes are missing.
+    /// Bytes are still missing.
     Receiving,
-    /// All are there; nobody knows yet what they are.
+    /// All bytes are there and are being read.
     Finishing,
-    /// It has become ray sets.
+    /// Ray sets were made of the upload.
     Taken,
-    /// It has not; its bytes are gone, unless nobody managed to read them.
+    /// The upload was refused; its bytes are deleted, unless no process managed to read them.
     Refused,
-    /// All bytes of a partial upload are there; it waits for the final upload that it is a piece of.
+    /// All bytes of the partial upload are there; no final upload names it yet.
     Complete,
-    /// Its bytes belong to a final upload.
+    /// The bytes of the partial upload belong to a final upload.
     Joined,
 }
 
-/// Whether an upload is a file by itself (tus' Concatenation).
+/// Kind of an upload in the extension Concatenation of tus.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Concat {
-    /// It is.
+    /// The upload is a whole file.
     #[default]
     Whole,
-    /// It is a piece of a file, which nothing is made of by itself.
+    /// The upload is one piece of a file.
     Partial,
     /// It is made of pieces.
     Final {
-        /// `Upload-Concat`, as it was sent.
+        /// `Upload-Concat` as the client sent it.
         sent: String,
-        /// The pieces' ids, in order.
+        /// Ids of the partial uploads, in order.
         partials: Vec<String>,
     },
 }
 
 impl Concat {
-    /// `Upload-Concat`, as it was sent; `None` where it was not.
+    /// `Upload-Concat` as the client sent it; `None` if it did not.
     pub fn sent(&self) -> Option<&str> {
         match self {
             Concat::Whole => None,
@@ -68,7 +68,7 @@ impl Concat {
         }
     }
 
-    /// As an upload's row has it.
+    /// Reads the kind from the row of an upload.
     pub(super) fn of(row: &Row) -> Result<Concat, Error> {
         let list = row.optional_text("partials")?.unwrap_or_else(|| "[]".to_owned());
         Ok(match row.optional_text("concat")? {
@@ -80,7 +80,7 @@ impl Concat {
 }
 
 impl State {
-    /// The word in rows and answers.
+    /// Name of the state in the database and in answers.
     pub fn name(self) -> &'static str {
         match self {
             State::Receiving => "receiving",
@@ -99,38 +99,38 @@ impl State {
     }
 }
 
-/// An upload.
+/// A resumable upload, read from its row.
 #[derive(Clone, Debug)]
 pub struct Upload {
-    /// UUIDv7; of the ray set too that it becomes, unless it is packed.
+    /// Identifier of the upload, a UUIDv7; also that of its ray set, unless the file is an archive.
     pub id: String,
-    /// Where it is.
+    /// State of the upload.
     pub state: State,
-    /// What the user calls it.
+    /// Name of the file.
     pub name: String,
-    /// `Upload-Metadata`, as it was sent.
+    /// `Upload-Metadata` as the client sent it.
     pub metadata: String,
-    /// How to read it, or every file in it.
+    /// Declarations for the file, or for every file in an archive.
     pub declared: FileDeclaration,
-    /// What its client says of the ray sets that it is to be.
+    /// The client's own metadata for the ray sets.
     pub client_metadata: Metadata,
-    /// SHA-256 of the whole, lower-case hex, as often as it was said.
+    /// SHA-256 of the whole file, lower-case hex: every value that the client announced.
     pub announced: Vec<String>,
-    /// Length of the whole, bytes, where it was said.
+    /// Length of the whole file, bytes, if it is known.
     pub byte_count: Option<u64>,
-    /// How much of it is stored, bytes.
+    /// Number of bytes stored.
     pub offset: u64,
-    /// The state of its digest at the offset.
+    /// State of the SHA-256 after the stored bytes.
     pub sha256_state: String,
-    /// What became of it, as JSON; `None` before its end.
+    /// Result of the upload as JSON; `None` before its end.
     pub result: Option<String>,
-    /// Whether it is a file by itself.
+    /// Whether the upload is whole, partial or final.
     pub concat: Concat,
-    /// The final upload whose piece it has become.
+    /// Identifier of the final upload that this partial upload belongs to.
     pub part_of: Option<String>,
-    /// When it began, epoch ms.
+    /// When the upload began, epoch ms.
     pub created_ms: i64,
-    /// When it is forgotten, epoch ms, unless something comes.
+    /// When the upload expires if no more bytes arrive, epoch ms.
     pub expires_ms: i64,
 }
 
@@ -154,10 +154,10 @@ pub(super) fn upload(row: &Row) -> Result<Upload, Error> {
     })
 }
 
-/// An upload to be.
+/// The properties of a new upload.
 #[derive(Clone, Debug)]
 pub struct New {
-    /// UUIDv7.
+    /// Identifier of the upload, a UUIDv7.
     pub id: String,
     /// As in [`Upload`].
     pub name: String,
@@ -171,69 +171,69 @@ pub struct New {
     pub announced: Vec<String>,
     /// As in [`Upload`].
     pub byte_count: Option<u64>,
-    /// The state of a digest of nothing.
+    /// State of the SHA-256 of no bytes.
     pub sha256_state: String,
-    /// It is a piece of a file.
+    /// Whether the upload is partial.
     pub is_partial: bool,
 }
 
 /// Why an upload is not begun.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoRoom {
-    /// Its announced bytes find no room in the tenant's quota.
+    /// The announced length exceeds the storage quota of the tenant.
     Quota(Exceeded),
     /// The tenant has [`MAX_UNFINISHED`] already.
     TooMany,
 }
 
-/// A request that means to add to an upload.
+/// A request that is about to append bytes to an upload.
 #[derive(Clone, Debug)]
 pub struct Beginning<'a> {
-    /// Whose upload it is.
+    /// Tenant of the upload.
     pub tenant: &'a str,
-    /// The upload.
+    /// Identifier of the upload.
     pub id: &'a str,
-    /// A name that no other request has.
+    /// A name for this request that no other request has.
     pub session: &'a str,
-    /// Where it goes on, bytes.
+    /// Offset that the request continues at, bytes.
     pub offset: u64,
-    /// Length of the whole, where the request says it, bytes.
+    /// Length of the whole file, bytes, if the request gives it.
     pub whole: Option<u64>,
-    /// How long the upload is kept if nothing comes.
+    /// Time until the upload expires if no bytes arrive.
     pub expiry: Duration,
 }
 
-/// Bytes that a request has stored, to be named by rows.
+/// Parts that a request has stored and that become part of the upload.
 #[derive(Clone, Debug)]
 pub struct Addition<'a> {
-    /// Whose upload it is.
+    /// Tenant of the upload.
     pub tenant: &'a str,
-    /// The upload.
+    /// Identifier of the upload.
     pub id: &'a str,
-    /// The request.
+    /// Name of the request.
     pub session: &'a str,
-    /// How much of the upload was stored before, bytes,
+    /// Number of bytes of the upload before these parts.
     pub from: u64,
-    /// and is now.
+    /// Number of bytes of the upload with these parts.
     pub to: u64,
-    /// The state of its digest there.
+    /// State of the SHA-256 after these parts.
     pub sha256_state: &'a str,
     /// Number of the first part; a part of that number is replaced, if there is one.
     pub number: usize,
     /// The parts, in order.
     pub parts: &'a [Part],
-    /// How long it is kept if nothing more comes.
+    /// Time until the upload expires if no more bytes arrive.
     pub expiry: Duration,
 }
 
-/// What came of naming them.
+/// Result of adding parts to an upload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Added {
-    /// They are part of the upload.
+    /// The parts belong to the upload now.
     Named,
-    /// Another request has gone on from there, or the upload is gone.
+    /// Another request took over the upload, or the upload is deleted.
     Lost,
-    /// The tenant has no room for them.
+    /// The parts exceed the storage quota of the tenant.
     NoRoom(Exceeded),
 }
 
@@ -268,7 +268,7 @@ pub async fn insert(
     let insert = insert.bind(rows::written(&new.client_metadata)?).bind(ms(expiry));
     let insert = insert.bind(new.is_partial.then_some(PARTIAL));
     let rows = transaction.read(insert).await?;
-    if let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await? {
+    if let Err(exceeded) = quota.check_bytes(&mut transaction, tenant).await? {
         transaction.rollback().await?;
         return Ok(Err(NoRoom::Quota(exceeded)));
     }
@@ -277,7 +277,7 @@ pub async fn insert(
         return Ok(Err(NoRoom::TooMany));
     }
     transaction.commit().await?;
-    let row = rows.first().ok_or_else(|| Error::fault("an upload was inserted and not told"))?;
+    let row = rows.first().ok_or_else(|| Error::fault("the database did not return an inserted upload"))?;
     Ok(Ok(upload(row)?))
 }
 
@@ -306,7 +306,7 @@ pub async fn list(records: &Records, tenant: &str, before: Option<&str>, limit: 
     records.read(sql(select).bind(tenant).bind(before).bind(limit)).await?.iter().map(upload).collect()
 }
 
-/// What is stored of an upload, in order.
+/// The stored parts of an upload, in order.
 ///
 /// # Errors
 /// The database did not answer.
@@ -350,7 +350,7 @@ pub async fn begin(
     let begin = sql(begin).bind(session).bind(ms(expiry)).bind(whole.map(u64::cast_signed)).bind(tenant).bind(id);
     let rows = transaction.read(begin.bind(offset.cast_signed())).await?;
     if whole.is_some()
-        && let Err(exceeded) = quota.admit_bytes(&mut transaction, tenant).await?
+        && let Err(exceeded) = quota.check_bytes(&mut transaction, tenant).await?
     {
         transaction.rollback().await?;
         return Ok(Err(exceeded));
@@ -388,7 +388,7 @@ pub async fn add(records: &Records, quota: Quota, addition: &Addition<'_>) -> Re
     };
     // What was announced has had its room since then.
     if row.optional_number("byte_count")?.is_none()
-        && let Err(exceeded) = quota.admit_bytes(&mut transaction, addition.tenant).await?
+        && let Err(exceeded) = quota.check_bytes(&mut transaction, addition.tenant).await?
     {
         transaction.rollback().await?;
         return Ok(Added::NoRoom(exceeded));

@@ -1,6 +1,6 @@
 //! Tells endpoints what is due. Every process does, and which of them does not matter: a delivery is leased to one of them.
 
-use super::deliveries::{Attempted, Sending};
+use super::deliveries::{Attempted, DueDelivery};
 use super::{Policy, deliveries, signature};
 use crate::crash;
 use crate::metrics::Metrics;
@@ -18,10 +18,10 @@ use tokio_util::sync::CancellationToken;
 const AT_ONCE: usize = 64;
 /// Least time between two looks.
 const GAP: Duration = Duration::from_millis(50);
-/// How often what was told too long ago is forgotten.
-const FORGETTING: Duration = Duration::from_hours(1);
+/// How often old deliveries are deleted.
+const DELETE_OLD_EVERY: Duration = Duration::from_hours(1);
 
-/// Sends and forgets. Cheap to clone.
+/// Sends due deliveries and deletes old ones. Cheap to clone.
 #[derive(Clone)]
 pub struct Dispatcher {
     records: Records,
@@ -42,12 +42,12 @@ impl Dispatcher {
         &self.policy
     }
 
-    /// Asks elsewhere.
+    /// Sends the requests.
     pub fn outbound(&self) -> &Outbound {
         &self.outbound
     }
 
-    /// There may be something to tell.
+    /// There may be a delivery that is due.
     pub fn wake(&self) {
         self.wake.notify_one();
     }
@@ -56,15 +56,15 @@ impl Dispatcher {
     /// due again. Attempts that were begun are ended.
     pub async fn keep_up(self, poll: Duration, stopping: CancellationToken) {
         let mut sending = JoinSet::new();
-        let mut forget_at = Instant::now();
+        let mut delete_at = Instant::now();
         while !stopping.is_cancelled() {
             if let Err(error) = self.look(&mut sending).await {
-                tracing::warn!(%error, "cannot see what is to be told; trying again later");
+                tracing::warn!(%error, "cannot search for deliveries that are due; trying again later");
             }
-            if Instant::now() >= forget_at {
-                forget_at = Instant::now() + FORGETTING;
-                if let Err(error) = deliveries::forget(&self.records, self.policy.keep).await {
-                    tracing::warn!(%error, "cannot forget what was told long ago; trying again later");
+            if Instant::now() >= delete_at {
+                delete_at = Instant::now() + DELETE_OLD_EVERY;
+                if let Err(error) = deliveries::delete_old(&self.records, self.policy.keep).await {
+                    tracing::warn!(%error, "cannot delete old deliveries; trying again later");
                 }
             }
             sleep(GAP).await;
@@ -90,35 +90,39 @@ impl Dispatcher {
     }
 
     /// One attempt.
-    async fn send(self, sending: Sending) {
-        let how = self.attempt(&sending).await;
+    async fn send(self, due: DueDelivery) {
+        let how = self.attempt(&due).await;
         crash::point("deliver.answered");
-        self.metrics.told(how.is_taken());
+        self.metrics.webhook_attempted(how.is_taken());
         let Attempted { status, error, .. } = &how;
         tracing::info!(
-            delivery = sending.id,
-            webhook = sending.webhook,
-            attempt = sending.attempt,
+            delivery = due.id,
+            webhook = due.webhook,
+            attempt = due.attempt,
             status,
             error,
-            "told"
+            "delivery attempted"
         );
-        // A delivery whose end is not noted is another's when its lease is over, and told again.
-        match deliveries::end(&self.records, &sending, &how, &self.policy).await {
+        // A delivery whose end is not stored is claimed by another process when its lease is over, and sent again.
+        match deliveries::end(&self.records, &due, &how, &self.policy).await {
             Ok(true) => {}
-            Ok(false) => tracing::warn!(delivery = sending.id, "an attempt was another's before it ended"),
-            Err(error) => tracing::warn!(delivery = sending.id, %error, "cannot note how an attempt went"),
+            Ok(false) => {
+                tracing::warn!(delivery = due.id, "another process took over a delivery during an attempt")
+            }
+            Err(error) => {
+                tracing::warn!(delivery = due.id, %error, "cannot store the result of a delivery attempt")
+            }
         }
     }
 
-    async fn attempt(&self, sending: &Sending) -> Attempted {
+    async fn attempt(&self, due: &DueDelivery) -> Attempted {
         let failed = |error: String| Attempted { error: Some(error), ..Attempted::default() };
-        let Sending { id, timestamp_s, body, secrets, .. } = sending;
+        let DueDelivery { id, timestamp_s, body, secrets, .. } = due;
         let body = self.policy.addressed(body);
         let signature = match signature::sign(secrets, id, *timestamp_s, &body) {
             Ok(signature) => signature,
             Err(error) => {
-                tracing::error!(delivery = id, %error, "a delivery cannot be signed");
+                tracing::error!(delivery = id, %error, "cannot sign a delivery");
                 return failed("the service could not sign it".to_owned());
             }
         };
@@ -127,7 +131,7 @@ impl Dispatcher {
             ("webhook-timestamp", timestamp_s.to_string()),
             ("webhook-signature", signature),
         ];
-        match self.outbound.post(&sending.url, &headers, body, self.policy.longest).await {
+        match self.outbound.post(&due.url, &headers, body, self.policy.longest).await {
             Ok(answer) => Attempted {
                 status: Some(answer.status),
                 answer: Some(answer.beginning),

@@ -8,38 +8,38 @@ use crate::storage::records::Records;
 use crate::storage::records::statement::{Row, ms, sql};
 use std::time::Duration;
 
-/// Most endpoints of a tenant: each is told of every job.
+/// Largest number of endpoints of a tenant: each receives an event for every job.
 pub const MOST: i64 = 20;
 
-/// Where a tenant hears of its jobs.
+/// An endpoint: a URL of a tenant that receives events about its jobs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Endpoint {
     /// UUIDv7.
     pub id: String,
-    /// Where to post.
+    /// URL that events are posted to.
     pub url: String,
-    /// What it hears of.
+    /// The events that the endpoint receives.
     pub events: Vec<Event>,
-    /// What a person says of it.
+    /// A note for people.
     pub description: String,
-    /// Since when it has taken nothing, epoch ms; `None` while it does.
+    /// Since when the endpoint has accepted nothing, epoch ms; `None` while it accepts events.
     pub failing_since_ms: Option<i64>,
-    /// Why it is told nothing any more.
+    /// Why the endpoint is disabled; `None` if it is enabled.
     pub disabled_why: Option<String>,
-    /// Until when the secret before signs too, epoch ms.
+    /// Until when the previous secret signs too, epoch ms.
     pub old_secret_until_ms: Option<i64>,
-    /// When it was made, epoch ms.
+    /// When the endpoint was created, epoch ms.
     pub created_ms: i64,
 }
 
-/// What may be said of an endpoint.
+/// The settings of an endpoint that a client may choose.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Told {
-    /// Where to post.
+pub struct EndpointSettings {
+    /// URL that events are posted to.
     pub url: String,
-    /// What it hears of.
+    /// The events that the endpoint receives.
     pub events: Vec<Event>,
-    /// What a person says of it.
+    /// A note for people.
     pub description: String,
 }
 
@@ -56,7 +56,7 @@ fn endpoint(row: &Row) -> Result<Endpoint, Error> {
     })
 }
 
-/// Events as a row has them; one of a newer version is told to nobody here.
+/// Reads the events of a row; events of a newer version are left out.
 pub fn events(text: &str) -> Vec<Event> {
     text.split(' ').filter_map(Event::parse).collect()
 }
@@ -65,17 +65,21 @@ fn names(events: &[Event]) -> String {
     events.iter().map(|event| event.name()).collect::<Vec<_>>().join(" ")
 }
 
-/// Makes an endpoint of `tenant`, and its secret; `None` when it has as many as it may.
+/// Creates an endpoint of `tenant` with its secret; `None` if the tenant has [`MOST`] endpoints already.
 ///
 /// # Errors
 /// The database did not answer; the system has no randomness.
-pub async fn create(records: &Records, tenant: &str, told: Told) -> Result<Option<(Endpoint, String)>, Error> {
+pub async fn create(
+    records: &Records,
+    tenant: &str,
+    settings: EndpointSettings,
+) -> Result<Option<(Endpoint, String)>, Error> {
     let secret = signature::secret()?;
     let insert = "INSERT INTO webhooks (id, tenant, url, events, description, secret, created_ms) \
                   SELECT $1, $2, $3, $4, $5, $6, {now} \
                   WHERE (SELECT COUNT(*) FROM webhooks WHERE tenant = $2) < $7 RETURNING *";
-    let insert = sql(insert).bind(new_id()).bind(tenant).bind(told.url).bind(names(&told.events));
-    let insert = insert.bind(told.description).bind(secret.as_str()).bind(MOST);
+    let insert = sql(insert).bind(new_id()).bind(tenant).bind(settings.url).bind(names(&settings.events));
+    let insert = insert.bind(settings.description).bind(secret.as_str()).bind(MOST);
     let mut transaction = records.begin().await?;
     // Two at once cannot both be the last.
     tenants::hold(&mut transaction, tenant).await?;
@@ -102,19 +106,19 @@ pub async fn list(records: &Records, tenant: &str, before: Option<&str>, limit: 
     records.read(sql(select).bind(tenant).bind(before).bind(limit)).await?.iter().map(endpoint).collect()
 }
 
-/// Says something else of an endpoint, and enables it again if it was disabled. False when there is none.
+/// Changes the settings of an endpoint, and enables it if it was disabled. False if there is no such endpoint.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn change(records: &Records, tenant: &str, id: &str, told: Told) -> Result<bool, Error> {
+pub async fn change(records: &Records, tenant: &str, id: &str, settings: EndpointSettings) -> Result<bool, Error> {
     let change = "UPDATE webhooks SET url = $1, events = $2, description = $3, disabled_why = NULL, \
                   failing_since_ms = CASE WHEN disabled_why IS NULL AND url = $1 THEN failing_since_ms END \
                   WHERE tenant = $4 AND id = $5";
-    let change = sql(change).bind(told.url).bind(names(&told.events)).bind(told.description);
+    let change = sql(change).bind(settings.url).bind(names(&settings.events)).bind(settings.description);
     Ok(records.write(change.bind(tenant).bind(id)).await? > 0)
 }
 
-/// Forgets an endpoint and what it was told. False when there is none.
+/// Deletes an endpoint and its deliveries. False if there is no such endpoint.
 ///
 /// # Errors
 /// The database did not answer.

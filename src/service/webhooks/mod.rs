@@ -1,13 +1,13 @@
-//! Webhooks (Standard Webhooks, <https://www.standardwebhooks.com>): a tenant's endpoints hear that its jobs have ended. At least
-//! once, and signed; what is told twice has the same `webhook-id`.
+//! Webhooks (Standard Webhooks, <https://www.standardwebhooks.com>): the endpoints of a tenant receive an event when one of its
+//! jobs ends. Every event is delivered at least once, and signed; a repeated event has the same `webhook-id`.
 
-/// Where to tell it.
+/// Endpoints: the URLs that receive events.
 pub mod endpoints;
-/// To whom, and how that went.
+/// Deliveries: events on their way to endpoints, and their results.
 pub mod deliveries;
-/// Tells it.
+/// The dispatcher, which sends due deliveries.
 pub mod dispatcher;
-/// Who told it.
+/// Signatures and their secrets.
 pub mod signature;
 
 use crate::calendar::rfc_3339;
@@ -16,7 +16,7 @@ use crate::storage::error::Error;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
-/// What an endpoint can hear of.
+/// An event that a webhook can receive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 pub enum Event {
     /// A job has succeeded.
@@ -34,10 +34,10 @@ pub enum Event {
 pub const PING: &str = "ping";
 
 impl Event {
-    /// All.
+    /// All events.
     pub const ALL: [Event; 3] = [Event::Succeeded, Event::Failed, Event::Cancelled];
 
-    /// The word in rows, messages and requests.
+    /// Name of the event in the database, in messages and in requests.
     pub fn name(self) -> &'static str {
         match self {
             Event::Succeeded => "job.succeeded",
@@ -52,20 +52,20 @@ impl Event {
     }
 }
 
-/// How deliveries are made.
+/// Timing of deliveries.
 #[derive(Clone, Debug)]
 pub struct Policy {
-    /// How long to wait before each attempt after the first; without one more, it has failed.
+    /// Waits before each attempt after the first; after the last of them the delivery has failed.
     pub waits: Vec<Duration>,
-    /// Longest time of an attempt.
+    /// Time limit of an attempt.
     pub longest: Duration,
-    /// An endpoint that took nothing for so long is disabled.
+    /// Time without an accepted event after which an endpoint is disabled.
     pub give_up: Duration,
-    /// How long it is known what was told.
+    /// How long ended deliveries are kept.
     pub keep: Duration,
     /// How long a secret that was replaced still signs.
     pub overlap: Duration,
-    /// The path of the service's public URL: the links in messages begin with it.
+    /// The path of the public URL of the service, which the links in messages begin with.
     pub prefix: Prefix,
 }
 
@@ -102,20 +102,20 @@ impl Default for Policy {
     }
 }
 
-/// What is posted.
+/// The message that is posted to a webhook.
 #[derive(Serialize, utoipa::ToSchema)]
 #[schema(as = WebhookMessage)]
 pub struct Message<T> {
-    /// What has happened: an event's name.
+    /// Name of the event.
     #[serde(rename = "type")]
     kind: &'static str,
-    /// When, RFC 3339.
+    /// When it happened, RFC 3339.
     timestamp: String,
-    /// To what.
+    /// What the event is about.
     data: T,
 }
 
-/// A message as it is posted: what has happened, when (epoch ms), and to what.
+/// The message that is posted: the name of the event, its time (epoch ms) and its data.
 ///
 /// # Errors
 /// The data cannot be written as JSON.

@@ -16,15 +16,15 @@ impl From<&storage::Error> for Problem {
     fn from(error: &storage::Error) -> Problem {
         match Cause::from(error) {
             Cause::StoreDamaged => {
-                tracing::error!(%error, "a store has lost what a row names");
+                tracing::error!(%error, "the object store has lost a blob that the database names");
                 Problem::of(StatusCode::INTERNAL_SERVER_ERROR, Failure::from(error))
             }
             Cause::Ours => {
-                tracing::error!(%error, "a fault of ours");
+                tracing::error!(%error, "an internal error of the service");
                 Problem::internal()
             }
             Cause::StoreAway | Cause::Input | Cause::Stopped => {
-                tracing::error!(%error, "a store failed");
+                tracing::error!(%error, "the database or the object store failed");
                 if matches!(error, storage::Error::Full) { Problem::store_full() } else { Problem::store_away() }
             }
         }
@@ -41,13 +41,13 @@ impl From<pipeline::Error> for Problem {
             Cause::Stopped => Problem::of(StatusCode::INTERNAL_SERVER_ERROR, Failure::from(&error)),
             Cause::StoreAway | Cause::StoreDamaged => stored(&error).map_or_else(
                 || {
-                    tracing::error!(%error, "a store failed");
+                    tracing::error!(%error, "the database or the object store failed");
                     Problem::store_away()
                 },
                 Problem::from,
             ),
             Cause::Ours => {
-                tracing::error!(%error, "a fault of ours");
+                tracing::error!(%error, "an internal error of the service");
                 Problem::internal()
             }
         }
@@ -56,13 +56,13 @@ impl From<pipeline::Error> for Problem {
 
 impl Problem {
     fn store_full() -> Problem {
-        let detail = "There is no room for more.";
-        Problem::new(StatusCode::INSUFFICIENT_STORAGE, "storage.full", "The store is full", detail)
-            .remedy("Delete jobs and ray sets, or make room.")
+        let detail = "The storage of the service has no space left.";
+        Problem::new(StatusCode::INSUFFICIENT_STORAGE, "storage.full", "The storage is full", detail)
+            .remedy("Delete jobs and ray sets that you do not need, or ask the operator for more storage space.")
     }
 
     fn store_away() -> Problem {
-        let detail = "The service's store does not answer.";
+        let detail = "The database or the object store of the service does not answer.";
         Problem::new(StatusCode::SERVICE_UNAVAILABLE, "storage.unavailable", "The store does not answer", detail)
             .remedy("Try again after the time in Retry-After.")
     }

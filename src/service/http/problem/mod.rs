@@ -2,11 +2,11 @@
 
 /// What can go wrong with an upload that is to be resumed.
 mod uploads;
-/// Problems of what is elsewhere.
+/// Problems of outbound requests.
 mod elsewhere;
-/// Headers that are not honoured.
+/// Problems of headers that are not supported.
 mod headers;
-/// Problems of stores, of files and of ourselves, told apart.
+/// Problems by their cause: a store, a file or the service itself.
 mod causes;
 
 pub use uploads::refusal_of;
@@ -33,28 +33,28 @@ const QUEUE_WAIT_S: u32 = 10;
 /// Files of a packed file that a problem names.
 const NAMED: usize = 20;
 
-/// What went wrong (RFC 9457).
+/// A problem (RFC 9457): why a request failed.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct Problem {
     /// `urn:lampwright:problem:<code>`.
     #[serde(rename = "type")]
     #[schema(value_type = String)]
     pub kind: Box<str>,
-    /// The kind of problem, for a person.
+    /// Short title of the kind of problem.
     pub title: Cow<'static, str>,
     /// The HTTP status.
     #[schema(minimum = 400, maximum = 599)]
     pub status: u16,
-    /// What was found.
+    /// What is wrong in this case.
     #[schema(value_type = String)]
     pub detail: Box<str>,
-    /// Stable: programs may depend on it.
+    /// Stable code: programs may depend on it.
     pub code: Cow<'static, str>,
-    /// Where: "byte 20", "options.hull.resolution", a path in the body.
+    /// Where the problem is: "byte 20", "options.hull.resolution", a path in the body.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = String, required = false)]
     pub at: Option<Box<str>>,
-    /// What to do.
+    /// What the client or the operator can do about it.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = String, required = false)]
     pub remedy: Option<Box<str>>,
@@ -63,7 +63,7 @@ pub struct Problem {
     pub retry_after_s: Option<NonZeroU32>,
 }
 
-/// What to do where a body is not the file that was meant: this call sends nothing but its bytes.
+/// Remedy where a body is not the file itself: this call of curl sends nothing but the bytes of the file.
 pub const SEND_THE_FILE: &str = "Send the file itself as the body, as curl -X POST -T FILE URL does.";
 
 impl Problem {
@@ -93,49 +93,54 @@ impl Problem {
         Problem { at: failure.at.map(Into::into), remedy: failure.remedy.map(Into::into), ..problem }
     }
 
-    /// No route has this path.
+    /// The problem of a path that has no route.
     pub fn no_route(path: &str) -> Problem {
-        Problem::new(StatusCode::NOT_FOUND, "request.not_found", "No such address", format!("Nothing is at {path}."))
-            .remedy("See /docs.")
+        Problem::new(
+            StatusCode::NOT_FOUND,
+            "request.not_found",
+            "No such address",
+            format!("This service has no resource at {path}."),
+        )
+        .remedy("See /docs for all addresses.")
     }
 
-    /// The path is there, the method is not; `Allow` names those that are.
+    /// The problem of a method that the path does not support; `Allow` names those that it does.
     pub fn method_not_allowed(method: &str) -> Problem {
         let status = StatusCode::METHOD_NOT_ALLOWED;
         Problem::new(
             status,
             "request.method_not_allowed",
             "Method not allowed",
-            format!("{method} is not possible here."),
+            format!("This address does not support the method {method}."),
         )
-        .remedy("See the Allow header.")
+        .remedy("Use one of the methods in the Allow header.")
     }
 
-    /// The path is not UTF-8.
+    /// The problem of a path that is malformed.
     pub fn malformed_path(detail: impl Into<String>) -> Problem {
-        Problem::new(StatusCode::BAD_REQUEST, "request.malformed_path", "The address is malformed", detail)
+        Problem::new(StatusCode::BAD_REQUEST, "request.malformed_path", "The path is malformed", detail)
     }
 
-    /// A header is not what it should be.
+    /// The problem of a malformed header.
     pub fn malformed_header(name: &str, detail: &str) -> Problem {
         Problem::new(StatusCode::BAD_REQUEST, "request.malformed_header", "A header is malformed", detail).at(name)
     }
 
-    /// The body is of the wrong kind.
+    /// The problem of a body with an unsupported media type.
     pub fn media_type(detail: impl Into<String>, remedy: &str) -> Problem {
         let status = StatusCode::UNSUPPORTED_MEDIA_TYPE;
         Problem::new(status, "request.media_type", "Unsupported media type", detail).remedy(remedy)
     }
 
-    /// A body larger than its route takes.
+    /// The problem of a body that is larger than its route accepts.
     pub fn body_too_large(limit: u64) -> Problem {
         let detail = format!("The body has more than {limit} bytes.");
         Problem::new(StatusCode::PAYLOAD_TOO_LARGE, "request.body_too_large", "The body is too large", detail)
     }
 
-    /// The body stopped short.
+    /// The problem of a body that ended too early.
     pub fn body_truncated() -> Problem {
-        let detail = "The body ended before its announced end.";
+        let detail = "The body ended before the announced number of bytes had arrived.";
         Problem::new(StatusCode::BAD_REQUEST, "upload.truncated", "The body is incomplete", detail)
             .remedy("Send it again.")
     }
@@ -157,10 +162,10 @@ impl Problem {
         Problem::new(StatusCode::UNPROCESSABLE_ENTITY, code, title, format!("{found}.")).at(path)
     }
 
-    /// A text that PostgreSQL cannot keep.
+    /// The problem of a string with the character U+0000, which PostgreSQL cannot store.
     pub fn null_character(path: &str) -> Problem {
-        let detail = "the character U+0000, which no text may hold.";
-        Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "request.null_character", "Unusable text", detail).at(path)
+        let detail = "The string contains the character U+0000, which is not allowed.";
+        Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "request.null_character", "Invalid character", detail).at(path)
     }
 
     /// A value of the right type and outside its range.
@@ -171,14 +176,14 @@ impl Problem {
 
     /// No such drawing.
     pub fn no_drawing(name: &str) -> Problem {
-        let detail = format!("The ray set has no {name}.");
+        let detail = format!("The ray set has no drawing {name}.");
         Problem::new(StatusCode::NOT_FOUND, "drawing.not_found", "No such drawing", detail)
-            .remedy("Files without usable rays, and those taken in before there were inspections, have none.")
+            .remedy("Ray sets without usable rays have no drawings, nor have those that an earlier version without inspections stored; upload the file again to get them.")
     }
 
     /// A packed file without a ray file.
     fn no_ray_file(left_out: &[ray_sets::LeftOut]) -> Problem {
-        let mut detail = "There is no ray file in the packed file.".to_owned();
+        let mut detail = "The archive contains no ray file.".to_owned();
         for file in left_out.iter().take(NAMED) {
             detail += &format!(" {:?} ({}): {}", file.name, file.code, file.detail);
         }
@@ -186,8 +191,8 @@ impl Problem {
             detail += &format!(" And {} more.", left_out.len() - NAMED);
         }
         let status = StatusCode::UNPROCESSABLE_ENTITY;
-        Problem::new(status, "container.no_ray_file", "No ray file in the packed file", detail)
-            .remedy("Send the ray file itself, or packed with gzip, zstd or zip.")
+        Problem::new(status, "container.no_ray_file", "No ray file in the archive", detail)
+            .remedy("Send the ray file itself, or compress it with gzip, zstd or zip.")
     }
 
     /// No such artifact.
@@ -217,14 +222,14 @@ impl Problem {
     pub fn spectrum_needed(id: &str) -> Problem {
         let detail = format!("An unfinished job needs the spectrum {id}.");
         Problem::new(StatusCode::CONFLICT, "spectrum.in_use", "The spectrum is in use", detail)
-            .remedy("Cancel the job or wait for its end.")
+            .remedy("Cancel the job, or wait until it ends.")
     }
 
     /// An unfinished job needs the ray set.
     pub fn ray_set_needed(id: &str) -> Problem {
         let detail = format!("An unfinished job needs the ray set {id}.");
         Problem::new(StatusCode::CONFLICT, "ray_set.in_use", "The ray set is in use", detail)
-            .remedy("Cancel the job or wait for its end.")
+            .remedy("Cancel the job, or wait until it ends.")
     }
 
     /// No such job.
@@ -234,8 +239,10 @@ impl Problem {
 
     fn job_state(state: State) -> Problem {
         let (code, title, remedy) = match state.ended() {
-            true => ("job.ended", "The job has ended", "Nothing can change it any more; it can be deleted."),
-            false => ("job.unfinished", "The job has not ended", "Cancel it first."),
+            true => {
+                ("job.ended", "The job has ended", "An ended job cannot be changed. Delete it if you do not need it.")
+            }
+            false => ("job.unfinished", "The job has not ended", "Cancel the job first."),
         };
         Problem::new(StatusCode::CONFLICT, code, title, format!("The job is {}.", state.name())).remedy(remedy)
     }
@@ -243,32 +250,36 @@ impl Problem {
     /// A job that no process could begin.
     fn job_too_large(TooLarge { needed_bytes, limit_bytes }: TooLarge) -> Problem {
         let detail = format!(
-            "The job is expected to need {} MiB of memory; all jobs of a process may need {} MiB together.",
+            "The job is expected to need {} MiB of memory; all jobs of one process together may use {} MiB.",
             needed_bytes.div_ceil(1 << 20),
             limit_bytes >> 20
         );
         Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "job.too_large", "The job needs too much memory", detail)
             .at("options")
             .remedy(
-                "Choose a lower hull.resolution, fewer goniogram.zones, wider goniogram steps or fewer \
-                 rays.band_edges_nm; ?dry_run=true tells what it comes to. Or ask the operator for more: serve --memory.",
+                "Choose a lower hull.resolution, fewer goniogram.zones, wider goniogram steps or fewer rays.band_edges_nm; ?dry_run=true estimates the memory without queueing the job. Or ask the operator to raise serve --memory.",
             )
     }
 
     /// A key that stands for another request.
     fn key_reused(key: &str) -> Problem {
-        let detail = format!("The key {key:?} came with another request before.");
-        Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "idempotency.key_reused", "The key was used before", detail)
-            .at("Idempotency-Key")
-            .remedy("Send each request under a key of its own; repeat a request as it was.")
+        let detail = format!("The Idempotency-Key {key:?} was used for a different request before.");
+        Problem::new(
+            StatusCode::UNPROCESSABLE_ENTITY,
+            "idempotency.key_reused",
+            "The Idempotency-Key was used before",
+            detail,
+        )
+        .at("Idempotency-Key")
+        .remedy("Use a new key for each new request; repeat a request without any change.")
     }
 
     /// A key whose job is gone.
     fn key_spent(key: &str) -> Problem {
-        let detail = format!("The job that the key {key:?} made was deleted.");
+        let detail = format!("The job that was made with the Idempotency-Key {key:?} was deleted.");
         Problem::new(StatusCode::GONE, "idempotency.job_deleted", "The job was deleted", detail)
             .at("Idempotency-Key")
-            .remedy("For another one, send the request under another key.")
+            .remedy("To make a new job, send the request with a new key.")
     }
 
     /// A range outside the file.
@@ -278,67 +289,69 @@ impl Problem {
         Problem::new(status, "artifact.range_not_satisfiable", "Range not satisfiable", detail)
     }
 
-    /// The file is not the one that the client expects.
+    /// The problem of an `If-Match` that does not name the entity tag of the file.
     pub fn changed(etag: &str) -> Problem {
-        let detail = format!("If-Match does not name the entity tag of what is here, {etag}.");
+        let detail = format!("If-Match does not name the current entity tag of this resource, {etag}.");
         let status = StatusCode::PRECONDITION_FAILED;
-        Problem::new(status, "request.precondition_failed", "The precondition does not hold", detail)
+        Problem::new(status, "request.precondition_failed", "A precondition is false", detail)
             .at("If-Match")
-            .remedy("Get it again without If-Match, and take its ETag.")
+            .remedy("Request the resource without If-Match, and use the ETag of that answer.")
     }
 
-    /// More requests at once than are served.
+    /// The problem of more simultaneous requests than the service accepts.
     pub fn busy() -> Problem {
-        let detail = "Too many requests of this kind are being served.";
+        let detail = "The service is processing as many requests of this kind as it can.";
         Problem::new(StatusCode::SERVICE_UNAVAILABLE, "service.busy", "The service is busy", detail)
             .remedy("Try again after the time in Retry-After.")
     }
 
     /// The service is stopping.
     pub fn draining() -> Problem {
-        let detail = "The service is stopping and takes nothing new.";
+        let detail = "The service is stopping and accepts no new requests.";
         Problem::new(StatusCode::SERVICE_UNAVAILABLE, "service.stopping", "The service is stopping", detail)
             .remedy("Try again after the time in Retry-After.")
     }
 
-    /// The key is for other things.
+    /// The problem of a key that lacks a scope.
     pub fn scope_missing(scope: &str) -> Problem {
-        let detail = format!("This needs the scope {scope}, which the key has not.");
-        Problem::new(StatusCode::FORBIDDEN, "access.scope_missing", "The key is not for this", detail)
-            .remedy("Ask the operator for a key with this scope.")
+        let detail = format!("This key lacks the scope {scope}.");
+        Problem::new(StatusCode::FORBIDDEN, "access.scope_missing", "The key lacks a scope", detail)
+            .remedy("Use a key with this scope; the operator makes one with lampwright keys create --scope.")
     }
 
-    /// A name that is not this machine's, while no keys are asked for.
+    /// The problem of a Host that is not this machine, while no API keys are required.
     pub fn foreign_host(host: &str) -> Problem {
-        let detail = format!("Without keys this service answers on this machine only, not as {host:?}.");
-        Problem::new(StatusCode::FORBIDDEN, "access.foreign_host", "Not by this name", detail)
-            .remedy("Ask it as localhost, or have it ask for keys: serve --auth on.")
+        let detail = format!(
+            "The Host {host:?} is not allowed: without API keys, this service answers only requests to localhost."
+        );
+        Problem::new(StatusCode::FORBIDDEN, "access.foreign_host", "This Host is not allowed", detail)
+            .remedy("Send the request to localhost, or start the service with API keys: serve --auth on.")
     }
 
-    /// A web page from elsewhere, while no keys are asked for.
+    /// The problem of an Origin that is not allowed, while no API keys are required.
     pub fn foreign_origin(origin: &str) -> Problem {
-        let detail = format!("Pages of {origin} may not use this service.");
-        Problem::new(StatusCode::FORBIDDEN, "access.foreign_origin", "Not from this page", detail)
-            .remedy("The operator can allow it: serve --cors-origin.")
+        let detail = format!("Web pages of the origin {origin} are not allowed to use this service.");
+        Problem::new(StatusCode::FORBIDDEN, "access.foreign_origin", "This Origin is not allowed", detail)
+            .remedy("The operator can allow the origin: serve --cors-origin.")
     }
 
-    /// A key that asked too often.
+    /// The problem of a key that exceeded its rate limit.
     pub fn too_often(wait: Duration) -> Problem {
-        let detail = "This key asks more often than it may.";
+        let detail = "This key has made more requests than its rate limit allows.";
         let problem = Problem::new(StatusCode::TOO_MANY_REQUESTS, "access.rate", "Too many requests", detail)
-            .remedy("Ask again after the time in Retry-After, and less often.");
+            .remedy("Wait for the time in Retry-After before the next request, and send requests less often.");
         let wait_s = u32::try_from(wait.as_secs()).unwrap_or(u32::MAX).saturating_add(1);
         Problem { retry_after_s: NonZeroU32::new(wait_s), ..problem }
     }
 
-    /// Less room than is kept free.
+    /// The problem of too little free storage space.
     pub fn low_space() -> Problem {
-        let detail = "The store has less room than it keeps free.";
-        Problem::new(StatusCode::INSUFFICIENT_STORAGE, "storage.low_space", "The store is almost full", detail)
-            .remedy("Delete jobs and ray sets, or make room.")
+        let detail = "The free space on the storage of the service is below the limit that the operator reserves.";
+        Problem::new(StatusCode::INSUFFICIENT_STORAGE, "storage.low_space", "The storage is almost full", detail)
+            .remedy("Delete jobs and ray sets that you do not need, or ask the operator for more storage space.")
     }
 
-    /// The same, told to whoever asks whether the service can work: such probes know no other status than 503.
+    /// The same problem with status 503, the only one that readiness probes know.
     #[must_use]
     pub fn not_ready(self) -> Problem {
         Problem { status: StatusCode::SERVICE_UNAVAILABLE.as_u16(), retry_after_s: Some(NonZeroU32::MIN), ..self }
@@ -346,15 +359,16 @@ impl Problem {
 
     /// A request that took too long.
     pub fn timeout() -> Problem {
-        let detail = "The answer took too long.";
-        Problem::new(StatusCode::GATEWAY_TIMEOUT, "request.timeout", "Timeout", detail).remedy("Try again.")
+        let detail = "The service did not answer within its time limit.";
+        Problem::new(StatusCode::GATEWAY_TIMEOUT, "request.timeout", "The request took too long", detail)
+            .remedy("Try again.")
     }
 
-    /// A fault of ours. What it was is in the log, not in the answer.
+    /// The problem of an error in the service itself. Its details are in the log, not in the answer.
     pub fn internal() -> Problem {
-        let detail = "The service met a fault of its own.";
+        let detail = "The service failed because of an error in the service itself.";
         Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "service.internal", "Internal error", detail)
-            .remedy("Report it with the request id of this response.")
+            .remedy("Report this to the operator with the x-request-id of this response.")
     }
 }
 
@@ -378,14 +392,18 @@ impl IntoResponse for Problem {
 impl From<Refusal> for Problem {
     fn from(refusal: Refusal) -> Problem {
         let (code, detail) = match refusal {
-            Refusal::Missing => ("access.key_missing", "No key came with the request."),
-            Refusal::Malformed => ("access.key_malformed", "What came is not a key: Bearer lw_<id>_<secret>."),
-            Refusal::Unknown => ("access.key_unknown", "Nobody has this key."),
-            Refusal::Expired => ("access.key_expired", "The time of this key is over."),
-            Refusal::Revoked => ("access.key_revoked", "This key was revoked."),
+            Refusal::Missing => ("access.key_missing", "The request has no API key."),
+            Refusal::Malformed => (
+                "access.key_malformed",
+                "The value of Authorization is not an API key of this service: Bearer lw_<id>_<secret>.",
+            ),
+            Refusal::Unknown => ("access.key_unknown", "The service does not know this API key."),
+            Refusal::Expired => ("access.key_expired", "This API key has expired."),
+            Refusal::Revoked => ("access.key_revoked", "This API key was revoked."),
         };
-        Problem::new(StatusCode::UNAUTHORIZED, code, "A key is needed", detail)
-            .remedy("Send Authorization: Bearer with a key of this service; its operator makes them.")
+        Problem::new(StatusCode::UNAUTHORIZED, code, "An API key is required", detail).remedy(
+            "Send the header Authorization: Bearer with a valid API key; the operator of the service makes keys.",
+        )
     }
 }
 
@@ -395,15 +413,15 @@ impl From<Exceeded> for Problem {
             Exceeded::StoredBytes { used, limit } => Problem::new(
                 StatusCode::PAYLOAD_TOO_LARGE,
                 "quota.stored_bytes",
-                "No room left in the quota",
-                format!("{used} of {limit} bytes are used, and this needs more."),
+                "The storage quota is used up",
+                format!("The tenant uses {used} of {limit} bytes, and this request needs more than the rest."),
             )
-            .remedy("Delete jobs and ray sets, or ask the operator for more."),
+            .remedy("Delete jobs and ray sets that you do not need, or ask the operator for a larger quota."),
             Exceeded::QueuedJobs { limit } => {
                 let status = StatusCode::TOO_MANY_REQUESTS;
-                let detail = format!("{limit} jobs are waiting, which is as many as may.");
-                let problem = Problem::new(status, "quota.queued_jobs", "Too many jobs are waiting", detail)
-                    .remedy("Queue it after the time in Retry-After, or cancel one that waits.");
+                let detail = format!("{limit} jobs of the tenant are queued, which is its limit.");
+                let problem = Problem::new(status, "quota.queued_jobs", "Too many jobs are queued", detail)
+                    .remedy("Send the request again after the time in Retry-After, or cancel a queued job.");
                 Problem { retry_after_s: NonZeroU32::new(QUEUE_WAIT_S), ..problem }
             }
         }
@@ -418,28 +436,31 @@ impl From<ray_sets::Error> for Problem {
                 StatusCode::PAYLOAD_TOO_LARGE,
                 "upload.too_large",
                 "The file is too large",
-                format!("The largest file taken has {limit} bytes."),
+                format!("The service accepts files of at most {limit} bytes."),
             )
-            .remedy("Send fewer rays, or ask the operator for a larger limit."),
-            Error::Empty => Problem::new(StatusCode::BAD_REQUEST, "upload.empty", "The body is empty", "No byte came.")
-                .remedy(SEND_THE_FILE),
+            .remedy("Send a file with fewer rays, or ask the operator for a larger limit: serve --max-upload."),
+            Error::Empty => {
+                Problem::new(StatusCode::BAD_REQUEST, "upload.empty", "The body is empty", "The request has no body.")
+                    .remedy(SEND_THE_FILE)
+            }
             Error::Truncated(found) | Error::Broken(found) => {
-                tracing::debug!(found, "a body broke off");
+                tracing::debug!(found, "the transfer of a body was interrupted");
                 Problem::body_truncated()
             }
             Error::Slow(slow) => {
                 let status = StatusCode::REQUEST_TIMEOUT;
                 let (code, title) = match slow.bytes {
-                    0 => ("upload.idle", "The upload fell silent"),
+                    0 => ("upload.idle", "The upload has stalled"),
                     _ => ("upload.slow", "The upload is too slow"),
                 };
-                Problem::new(status, code, title, format!("{slow}.")).remedy("Send it again over a better link.")
+                Problem::new(status, code, title, format!("{slow}."))
+                    .remedy("Send the file again over a faster connection, or use a resumable upload: /v1/uploads.")
             }
             Error::Digest { announced, found } => Problem::new(
                 StatusCode::BAD_REQUEST,
                 "upload.digest_mismatch",
                 "The digest does not match",
-                format!("The SHA-256 of what came is {found}, announced was {announced}."),
+                format!("The SHA-256 of the received bytes is {found}; the request announced {announced}."),
             )
             .remedy("Send it again."),
             Error::Unfit(error) | Error::Packed(error) => error.into(),

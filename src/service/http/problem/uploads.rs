@@ -11,33 +11,33 @@ impl Problem {
     pub fn no_upload(id: &str) -> Problem {
         let detail = format!("There is no upload {id:?}.");
         Problem::new(StatusCode::NOT_FOUND, "upload.not_found", "No such upload", detail)
-            .remedy("It may have been deleted, or its time may be over: begin another.")
+            .remedy("The upload may have been deleted or have expired: begin a new upload.")
     }
 
     /// The upload was refused: nothing can be added.
     pub fn gone(id: &str) -> Problem {
-        let detail = format!("The upload {id} was refused.");
+        let detail = format!("The upload {id} was refused and accepts no more bytes.");
         Problem::new(StatusCode::GONE, "upload.refused", "The upload was refused", detail)
-            .remedy("Ask with GET why; begin another.")
+            .remedy("GET the upload to see why it was refused; then begin a new upload.")
     }
 
     /// A version of tus that is not spoken here.
     pub fn tus_version(found: Option<&str>) -> Problem {
         let detail = match found {
-            Some(version) => format!("The request speaks tus {version:?}."),
-            None => "The request does not say which tus it speaks.".to_owned(),
+            Some(version) => format!("The request uses version {version:?} of tus."),
+            None => "The request does not name its version of tus.".to_owned(),
         };
-        Problem::new(StatusCode::PRECONDITION_FAILED, "tus.version", "Not this version of tus", detail)
+        Problem::new(StatusCode::PRECONDITION_FAILED, "tus.version", "Unsupported version of tus", detail)
             .at("Tus-Resumable")
             .remedy("Send Tus-Resumable: 1.0.0.")
     }
 
     /// The process that made ray sets of an upload disappeared more often than it may.
     pub fn finishing_lost(attempts: u32) -> Problem {
-        let detail = format!("The process that read this file disappeared {attempts} times.");
+        let detail = format!("The process that read this file ended unexpectedly {attempts} times.");
         let status = StatusCode::INTERNAL_SERVER_ERROR;
-        Problem::new(status, "upload.finishing_lost", "The file ends the process that reads it", detail)
-            .remedy("See the service's log and memory. The bytes of the file stay until the upload expires.")
+        Problem::new(status, "upload.finishing_lost", "The process that reads the file ends unexpectedly", detail)
+            .remedy("Ask the operator to look at the log and the memory of the service. The bytes of the file are kept until the upload expires.")
     }
 }
 
@@ -48,22 +48,22 @@ fn piece(id: &str, unusable: Unusable) -> Problem {
             StatusCode::UNPROCESSABLE_ENTITY,
             "upload.not_partial",
             "Not a partial upload",
-            format!("The upload {id} was not begun as a partial one."),
-            "Begin each piece with Upload-Concat: partial.",
+            format!("The upload {id} is not a partial upload."),
+            "Begin the upload of each piece with Upload-Concat: partial.",
         ),
         Unusable::Unfinished => (
             StatusCode::CONFLICT,
             "upload.partial_unfinished",
             "A partial upload is not complete",
-            format!("Bytes of the partial upload {id} are missing."),
-            "Send the rest of it first; HEAD tells where it goes on.",
+            format!("The partial upload {id} is not complete."),
+            "Send the rest of its bytes first; HEAD returns the offset to continue at.",
         ),
         Unusable::Used => (
             StatusCode::CONFLICT,
             "upload.partial_used",
             "A partial upload is used already",
-            format!("The partial upload {id} is a piece of another upload."),
-            "GET tells which: part_of. To make another file of the same bytes, send them again.",
+            format!("The partial upload {id} belongs to another upload already."),
+            "GET the partial upload: `part_of` names the other upload. To make another file of the same bytes, upload them again.",
         ),
     };
     Problem::new(status, code, title, detail).at("Upload-Concat").remedy(remedy)
@@ -75,48 +75,49 @@ impl From<Error> for Problem {
             Error::Missing(id) => Problem::no_upload(&id),
             Error::Refused(refusal) => Problem::from(*refusal),
             Error::Offset { at } => {
-                let detail =
-                    format!("The upload goes on at byte {at}, and the request does not, or another came after it.");
-                Problem::new(StatusCode::CONFLICT, "upload.offset_conflict", "Not where the upload goes on", detail)
+                let detail = format!(
+                    "The upload has {at} bytes, and Upload-Offset of the request is different, or a newer request took its place."
+                );
+                Problem::new(StatusCode::CONFLICT, "upload.offset_conflict", "Wrong upload offset", detail)
                     .at("Upload-Offset")
-                    .remedy("Ask with HEAD where it goes on.")
+                    .remedy("Get the present offset with HEAD, and continue there.")
             }
             Error::Complete => {
-                let detail = "All bytes of the upload are there.";
+                let detail = "The upload has all of its bytes.";
                 Problem::new(StatusCode::CONFLICT, "upload.complete", "The upload is complete", detail)
-                    .remedy("Ask with GET what became of it.")
+                    .remedy("GET the upload to see its result.")
             }
             Error::Final => {
-                let detail = "The upload is made of partial uploads; nothing can be added to it.";
+                let detail = "The upload is made of partial uploads; no bytes can be added to it.";
                 Problem::new(StatusCode::FORBIDDEN, "upload.final", "The upload is final", detail)
-                    .remedy("Ask with GET what became of it.")
+                    .remedy("GET the upload to see its result.")
             }
             Error::Piece { id, unusable } => piece(&id, unusable),
             Error::Beyond(length) => {
-                let detail = format!("The request goes beyond the announced {length} bytes.");
+                let detail = format!("The request goes beyond the announced length of {length} bytes.");
                 let status = StatusCode::PAYLOAD_TOO_LARGE;
                 Problem::new(status, "upload.beyond_length", "More bytes than announced", detail)
-                    .remedy("Begin another upload, with the right Upload-Length.")
+                    .remedy("Begin a new upload with the right Upload-Length.")
             }
             Error::Length => {
-                let detail = "The upload has another length already, or more bytes than this.";
-                Problem::new(StatusCode::BAD_REQUEST, "upload.length", "Not the length of the upload", detail)
+                let detail = "The upload has a different length already, or more bytes than this length.";
+                Problem::new(StatusCode::BAD_REQUEST, "upload.length", "Wrong upload length", detail)
                     .at("Upload-Length")
-                    .remedy("Say it once, with Upload-Defer-Length: 1 at the beginning.")
+                    .remedy("Give the length once: at the beginning, or later if the upload began with Upload-Defer-Length: 1.")
             }
             Error::Checksum => {
                 // tus' own status: the bytes of this request are not kept.
                 let status = StatusCode::from_u16(460).unwrap_or(StatusCode::BAD_REQUEST);
-                let detail = "What came has not the announced checksum; it was not kept.";
+                let detail = "The received bytes do not have the announced checksum; they were not stored.";
                 Problem::new(status, "upload.checksum_mismatch", "The checksum does not match", detail)
                     .at("Upload-Checksum")
                     .remedy("Send these bytes again.")
             }
             Error::TooMany(limit) => {
-                let detail = format!("{limit} uploads are unfinished, which is as many as may be.");
+                let detail = format!("{limit} uploads of the tenant are unfinished, which is the limit.");
                 let status = StatusCode::TOO_MANY_REQUESTS;
                 let problem = Problem::new(status, "quota.unfinished_uploads", "Too many unfinished uploads", detail)
-                    .remedy("Go on with one of them, or delete it.");
+                    .remedy("Finish one of the uploads, or delete one.");
                 Problem { retry_after_s: NonZeroU32::new(QUEUE_WAIT_S), ..problem }
             }
             Error::Stopping => Problem::draining(),

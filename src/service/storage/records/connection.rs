@@ -2,7 +2,7 @@
 //! only after the last thing that it was asked was answered with success; otherwise it is closed, and the pool opens another when
 //! it is next asked. A future that is dropped in the middle of a statement, a statement that fails and a COMMIT that fails all
 //! leave a connection whose transaction may still be open, or may have been ended by the database (SQLite does so when a disk is
-//! full). Whoever used it next would write into a transaction that nobody ever commits.
+//! full). The next user of the connection would write into a transaction that is never committed.
 
 use super::statement::{Dialect, Row, Statement};
 use crate::storage::error::Error;
@@ -29,7 +29,7 @@ impl Loan {
 impl Drop for Loan {
     fn drop(&mut self) {
         if !self.is_idle {
-            tracing::debug!("a database connection is closed: what it was asked last failed or was given up");
+            tracing::debug!("a database connection is closed: its last statement failed or was abandoned");
             self.connection.close_on_drop();
         }
     }

@@ -132,7 +132,7 @@ impl Records {
         connection::read_one(&self.readers, self.dialect, statement).await
     }
 
-    /// Changes rows, in a transaction of its own; how many.
+    /// Changes rows in a transaction of its own, and returns their number.
     ///
     /// # Errors
     /// The database did not answer.
@@ -140,7 +140,8 @@ impl Records {
         connection::write(&self.writer, self.dialect, statement).await
     }
 
-    /// Proves that what is written is seen by others: counts on in a row, and reads it through a connection that never writes.
+    /// Checks that written rows are visible to others: increments a counter in a row, and reads it through a connection that never
+    /// writes.
     ///
     /// # Errors
     /// The database did not answer, or what was written is not there for others.
@@ -155,11 +156,12 @@ impl Records {
         // Another process may have counted on meanwhile.
         match read.map_or(Ok(0), |row| row.number("number"))? >= written.max(1) {
             true => Ok(()),
-            false => Err(Error::Records("what is written is not there for other connections".into())),
+            false => Err(Error::Records("rows that were written are not visible to other connections".into())),
         }
     }
 
-    /// Begins a transaction; dropped without [`Transaction::commit`], it never was. Its first statement should write.
+    /// Begins a transaction; if it is dropped without [`Transaction::commit`], nothing is changed. Its first statement should
+    /// write.
     ///
     /// # Errors
     /// The database did not answer.

@@ -8,18 +8,18 @@ use sqlx::{Any, AssertSqlSafe};
 use std::borrow::Cow;
 use std::time::Duration;
 
-/// The words that the engines say differently.
+/// The words of SQL in which the engines differ.
 pub struct Dialect {
     /// `{now}`: the database's clock, epoch ms. One clock for all nodes, so leases need no synchronised machines.
     pub now: &'static str,
-    /// `{skip_locked}`: of the rows found, lock those that nobody else has. Empty where there is one writer.
+    /// `{skip_locked}`: of the rows found, lock those that no other transaction has. Empty where there is one writer.
     pub skip_locked: &'static str,
-    /// `{for_share}`: nobody may delete the row that was found before this transaction ends. Empty where there is one writer.
+    /// `{for_share}`: the row that was found cannot be deleted before this transaction ends. Empty where there is one writer.
     pub for_share: &'static str,
     /// `{texts of $1 texts}`: the texts in the JSON list `$1`, as rows: a statement's text is fixed, its number of values is not. What
     /// stands before the list, and behind it.
     pub texts: (&'static str, &'static str),
-    /// What every new connection is told.
+    /// Statements for every new connection.
     pub connection: &'static str,
     /// How a transaction that will write begins.
     pub begin: &'static str,

@@ -7,13 +7,13 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// Other engines have their own ways.
-    #[error("this backup is for SQLite and local files only")]
-    Elsewhere,
+    #[error("this command backs up SQLite databases and local files only")]
+    NotLocal,
     /// The folder for the copy is being served.
-    #[error("a service runs on {}", .0.display())]
+    #[error("a service is running on {}", .0.display())]
     Served(PathBuf),
     /// The folder for the copy is what is to be copied, or in it.
-    #[error("{} is in {}, which is copied or served", to.display(), kept.display())]
+    #[error("the folder {} lies in {}, which belongs to the service", to.display(), kept.display())]
     Inside {
         /// The folder for the copy.
         to: PathBuf,
@@ -21,7 +21,7 @@ pub enum Error {
         kept: PathBuf,
     },
     /// What is to be copied is in the folder for the copy.
-    #[error("{} holds {}, which is copied or served", to.display(), kept.display())]
+    #[error("the folder {} contains {}, which belongs to the service", to.display(), kept.display())]
     Around {
         /// The folder for the copy.
         to: PathBuf,
@@ -40,7 +40,7 @@ pub enum Error {
     #[error("the blob {0} is missing from the store")]
     Missing(String),
     /// Uploads became ray sets faster than they were copied.
-    #[error("an upload became a ray set while it was copied, again and again")]
+    #[error("uploads became ray sets during each attempt to copy them")]
     Outrun,
     /// The disk said no.
     #[error("{}: {error}", path.display())]

@@ -1,8 +1,8 @@
-//! A copy of everything, taken while the service runs: first the rows, as they are at one moment, then every blob that they
-//! name. A blob is written before its row and never changed, so all of them are there, but for those that somebody deletes
-//! meanwhile; what they belong to is deleted from the copy too. The short last part of an upload goes with the request that
-//! goes on with it: such an upload is copied as it is then. Where it has become ray sets by then, of which these rows know
-//! nothing, those of a later moment are taken. The copy is a data folder: to restore is to serve it.
+//! A copy of everything, taken while the service runs: first the rows, as they are at one moment, then every blob that they name.
+//! A blob is written before its row and never changed, so all of them are there, except those that a client deletes during the
+//! backup; their ray sets and jobs are deleted from the copy too. The short last part of an upload goes with the request that goes
+//! on with it: such an upload is copied as it is then. Where it has become ray sets by then, of which these rows know nothing,
+//! those of a later moment are taken. The copy is a data folder: to restore is to serve it.
 
 /// Where it may go.
 mod place;
@@ -23,16 +23,16 @@ use std::{fs, io};
 /// Moments that are tried: a later one has little left to copy, and is hardly outrun.
 const MOMENTS: u32 = 5;
 
-/// What a backup did.
+/// Result of a backup.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Copied {
-    /// Blobs that the copy has.
+    /// Number of blobs in the backup.
     pub blobs: u64,
-    /// Of them, those that it did not have before.
+    /// Number of blobs that the backup did not have before.
     pub fresh: u64,
-    /// Their length, bytes.
+    /// Length of the new blobs, bytes.
     pub fresh_bytes: u64,
-    /// Ray sets, jobs and unfinished uploads that were deleted meanwhile.
+    /// Number of ray sets, jobs and unfinished uploads that were deleted during the backup.
     pub deleted: u64,
 }
 
@@ -43,10 +43,10 @@ pub struct Copied {
 /// [`Error`].
 pub async fn backup(config: &Config, to: &Path) -> Result<Copied, Error> {
     let Some(blobs) = config.storage_url().strip_prefix("file:").map(PathBuf::from) else {
-        return Err(Error::Elsewhere);
+        return Err(Error::NotLocal);
     };
     if database_url::path(&config.database_url()).is_none() {
-        return Err(Error::Elsewhere);
+        return Err(Error::NotLocal);
     }
     let _held = place::take(config, to)?;
     let storage = Storage::open(&config.database_url(), &config.storage_url()).await?;
@@ -108,7 +108,7 @@ async fn fill(live: &Storage, from: &Path, copy: &Records, to: &Path, copied: &m
             return Err(Error::Missing(blob));
         }
         if !follow(live, from, copy, to, &blob, copied).await? {
-            copied.deleted += forget(copy, &blob).await?;
+            copied.deleted += delete_blob_row(copy, &blob).await?;
         }
     }
     Ok(())
@@ -200,7 +200,7 @@ async fn is_named(records: &Records, blob: &str) -> Result<bool, Error> {
 }
 
 /// Deletes what `blob` belonged to.
-async fn forget(copy: &Records, blob: &str) -> Result<u64, Error> {
+async fn delete_blob_row(copy: &Records, blob: &str) -> Result<u64, Error> {
     let ray_sets = sql("DELETE FROM ray_sets WHERE id IN (SELECT ray_set_id FROM parts WHERE blob = $1)");
     let jobs = sql("DELETE FROM jobs WHERE id IN (SELECT job_id FROM artifacts WHERE blob = $1)");
     let uploads = sql("DELETE FROM uploads WHERE id IN (SELECT upload_id FROM upload_parts WHERE blob = $1)");

@@ -1,5 +1,5 @@
-//! Rows of deliveries: what is to be told to whom, and how that went. A delivery is claimed as a job is, and ended by whoever holds
-//! its fence.
+//! Rows of webhook deliveries: which event goes to which endpoint, and the result of its attempts. A process claims a delivery as
+//! a worker claims a job, and only the holder of the newest claim may end it.
 
 #[cfg(test)]
 mod tests;
@@ -23,16 +23,16 @@ const BATCH: i64 = 1000;
 /// Longest rest that an endpoint may ask for.
 const LONGEST_REST: Duration = Duration::from_hours(24);
 
-/// Where a delivery is.
+/// State of a delivery.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
 #[schema(as = DeliveryState)]
 pub enum State {
-    /// It is to be told, or told again.
+    /// An attempt is due, now or later.
     Waiting,
-    /// The endpoint took it.
+    /// The endpoint accepted the event.
     Delivered,
-    /// The endpoint did not take it, and is not told any more.
+    /// The endpoint did not accept the event; there are no more attempts.
     Failed,
 }
 
@@ -49,86 +49,86 @@ impl State {
     }
 }
 
-/// One event for one endpoint.
+/// The delivery of one event to one endpoint.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Delivery {
-    /// UUIDv7; the `webhook-id` of every attempt.
+    /// Identifier of the delivery, a UUIDv7: the `webhook-id` of every attempt.
     pub id: String,
-    /// What is told.
+    /// Name of the event.
     pub event: String,
-    /// Of which job.
+    /// Identifier of the job; `None` for a ping.
     pub job: Option<String>,
-    /// Where it is.
+    /// State of the delivery.
     pub state: State,
-    /// Attempts so far.
+    /// Number of attempts made.
     pub attempt: i64,
-    /// When the next is due, epoch ms, while it waits.
+    /// When the next attempt is due, epoch ms, if there is one.
     pub due_ms: Option<i64>,
-    /// When the last was made, epoch ms.
+    /// When the last attempt was made, epoch ms.
     pub attempted_ms: Option<i64>,
-    /// What that was answered: an HTTP status.
+    /// HTTP status of the answer to the last attempt.
     pub status: Option<i64>,
-    /// The beginning of what came with it.
+    /// Beginning of the body of the answer.
     pub answer: Option<String>,
-    /// Why nothing was answered.
+    /// Why there was no answer.
     pub error: Option<String>,
-    /// When it was announced, epoch ms.
+    /// When the event was announced, epoch ms.
     pub created_ms: i64,
 }
 
-/// A delivery to be attempted now.
+/// A claimed delivery whose attempt is due now.
 #[derive(Clone, Debug)]
-pub struct Sending {
-    /// The delivery.
+pub struct DueDelivery {
+    /// Identifier of the delivery.
     pub id: String,
-    /// To which endpoint.
+    /// Identifier of the endpoint.
     pub webhook: String,
-    /// Names this attempt among all of the delivery's.
+    /// Number of this claim, unique among all claims of the delivery.
     pub fence: i64,
-    /// Which attempt this is, from 1.
+    /// Number of this attempt, from 1.
     pub attempt: i64,
-    /// What is told.
+    /// Name of the event.
     pub event: String,
-    /// In these words.
+    /// Body of the request, JSON.
     pub body: String,
-    /// Where.
+    /// URL to post to.
     pub url: String,
-    /// Who signs.
+    /// Secrets that sign the request.
     pub secrets: Vec<String>,
     /// Now, by the database's clock, epoch s.
     pub timestamp_s: i64,
 }
 
-/// How an attempt went.
+/// Result of an attempt.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Attempted {
-    /// HTTP status, if anything was answered.
+    /// HTTP status of the answer, if there was one.
     pub status: Option<u16>,
-    /// The beginning of what came with it.
+    /// Beginning of the body of the answer.
     pub answer: Option<String>,
-    /// Why nothing was answered.
+    /// Why there was no answer.
     pub error: Option<String>,
-    /// When the endpoint wants to be asked again.
+    /// Time that the endpoint asks to wait before the next attempt.
     pub retry_after: Option<Duration>,
 }
 
 impl Attempted {
-    /// It was taken.
+    /// Whether the endpoint accepted the event.
     pub fn is_taken(&self) -> bool {
         self.status.is_some_and(|status| (200..300).contains(&status))
     }
 
-    /// There is nobody any more.
+    /// Whether the endpoint answered 410 Gone.
     fn is_gone(&self) -> bool {
         self.status == Some(410)
     }
 }
 
-/// Takes a delivery that is due.
+/// Claims a delivery that is due.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn claim(records: &Records, longest: Duration) -> Result<Option<Sending>, Error> {
+pub async fn claim(records: &Records, longest: Duration) -> Result<Option<DueDelivery>, Error> {
     let due = sql("SELECT id FROM deliveries WHERE state = 'waiting' AND due_ms <= {now} \
                    AND COALESCE(lease_until_ms, 0) <= {now} LIMIT 1");
     if records.read_one(due).await?.is_none() {
@@ -162,7 +162,7 @@ pub async fn claim(records: &Records, longest: Duration) -> Result<Option<Sendin
         return Ok(None);
     };
     transaction.commit().await?;
-    Ok(Some(Sending {
+    Ok(Some(DueDelivery {
         id: row.text("id")?,
         webhook,
         fence: row.number("fence")?,
@@ -184,28 +184,28 @@ pub async fn recover(records: &Records) -> Result<(), Error> {
     Ok(())
 }
 
-/// Notes how an attempt went, and disables an endpoint that is gone, or that has taken nothing for too long and not this at the last
-/// attempt either: what waits for it has then failed. False when the attempt was another's by then.
+/// Stores the result of an attempt. Disables an endpoint that answered 410, or that has accepted nothing for too long and refused
+/// the last attempt too; its waiting deliveries have then failed. False if another process has claimed the delivery by then.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn end(records: &Records, sending: &Sending, how: &Attempted, policy: &Policy) -> Result<bool, Error> {
+pub async fn end(records: &Records, due: &DueDelivery, how: &Attempted, policy: &Policy) -> Result<bool, Error> {
     let mut transaction = records.begin().await?;
     // The endpoint before its deliveries, everywhere: two that end at once wait for each other in this order only.
-    transaction.write(sql(HOLD).bind(sending.webhook.as_str())).await?;
+    transaction.write(sql(HOLD).bind(due.webhook.as_str())).await?;
     let ours = "UPDATE deliveries SET lease_until_ms = NULL WHERE id = $1 AND fence = $2 AND state = 'waiting'";
-    if transaction.write(sql(ours).bind(sending.id.as_str()).bind(sending.fence)).await? == 0 {
+    if transaction.write(sql(ours).bind(due.id.as_str()).bind(due.fence)).await? == 0 {
         transaction.rollback().await?;
         return Ok(false);
     }
-    let wait = wait(sending, how, policy);
+    let wait = wait(due, how, policy);
     let disabled = match how.is_taken() {
         true => {
             let well = "UPDATE webhooks SET failing_since_ms = NULL WHERE id = $1";
-            transaction.write(sql(well).bind(sending.webhook.as_str())).await?;
+            transaction.write(sql(well).bind(due.webhook.as_str())).await?;
             false
         }
-        false => failed(&mut transaction, sending, how, wait.is_none(), policy).await?,
+        false => failed(&mut transaction, due, how, wait.is_none(), policy).await?,
     };
     let (state, wait) = match (how.is_taken(), wait) {
         (true, _) => (State::Delivered, Duration::ZERO),
@@ -216,29 +216,29 @@ pub async fn end(records: &Records, sending: &Sending, how: &Attempted, policy: 
                WHERE id = $6";
     let end =
         sql(end).bind(state.name()).bind(ms(wait)).bind(how.status.map_or(-1, i64::from)).bind(how.answer.as_deref());
-    transaction.write(end.bind(how.error.as_deref()).bind(sending.id.as_str())).await?;
+    transaction.write(end.bind(how.error.as_deref()).bind(due.id.as_str())).await?;
     if disabled {
         let forgo = "UPDATE deliveries SET state = 'failed', error = 'the endpoint was disabled' \
                      WHERE webhook_id = $1 AND state = 'waiting'";
-        transaction.write(sql(forgo).bind(sending.webhook.as_str())).await?;
+        transaction.write(sql(forgo).bind(due.webhook.as_str())).await?;
     }
     transaction.commit().await?;
     Ok(true)
 }
 
-/// Holds an endpoint that is told: nobody else judges it before this transaction ends.
+/// Locks an endpoint, so that no other transaction changes it before this one ends.
 const HOLD: &str = "UPDATE webhooks SET id = id WHERE id = $1";
 
 /// Notes that an endpoint did not take something; whether it is disabled for it. A ping that fails says nothing of the endpoint's
-/// work: somebody is trying it out.
+/// work: a person is trying it out.
 async fn failed(
     transaction: &mut Transaction,
-    sending: &Sending,
+    due: &DueDelivery,
     how: &Attempted,
     is_last: bool,
     policy: &Policy,
 ) -> Result<bool, Error> {
-    if sending.event == PING && !how.is_gone() {
+    if due.event == PING && !how.is_gone() {
         return Ok(false);
     }
     let failed = "UPDATE webhooks SET failing_since_ms = COALESCE(failing_since_ms, {now}), \
@@ -246,31 +246,31 @@ async fn failed(
                   WHEN $2 = 1 AND failing_since_ms <= {now} - $3 THEN 'it has taken nothing for too long' END \
                   WHERE id = $4 AND disabled_why IS NULL RETURNING disabled_why";
     let failed = sql(failed).bind(i64::from(how.is_gone())).bind(i64::from(is_last)).bind(ms(policy.give_up));
-    let failed = failed.bind(sending.webhook.as_str());
+    let failed = failed.bind(due.webhook.as_str());
     let rows = transaction.read(failed).await?;
     let why = rows.first().map(|row| row.optional_text("disabled_why")).transpose()?.flatten();
     if let Some(why) = &why {
-        tracing::warn!(webhook = sending.webhook, why, "an endpoint is told nothing any more");
+        tracing::warn!(webhook = due.webhook, why, "a webhook was disabled");
     }
     Ok(why.is_some())
 }
 
 /// How long to wait before the next attempt; `None` when this was the last.
-fn wait(sending: &Sending, how: &Attempted, policy: &Policy) -> Option<Duration> {
-    if sending.event == PING {
+fn wait(due: &DueDelivery, how: &Attempted, policy: &Policy) -> Option<Duration> {
+    if due.event == PING {
         return None;
     }
-    let done = usize::try_from(sending.attempt).unwrap_or(usize::MAX).saturating_sub(1);
+    let done = usize::try_from(due.attempt).unwrap_or(usize::MAX).saturating_sub(1);
     let wait = policy.waits.get(done)?;
     // Up to a fifth more, so that what failed together is not tried together; by the random part of the id.
-    let random = sending.id.rsplit('-').next().and_then(|hex| u64::from_str_radix(hex, 16).ok()).unwrap_or(0);
+    let random = due.id.rsplit('-').next().and_then(|hex| u64::from_str_radix(hex, 16).ok()).unwrap_or(0);
     let jitter = wait.mul_f64((random % 1000) as f64 / 5000.0);
     let asked = how.retry_after.filter(|_| matches!(how.status, Some(429 | 503))).unwrap_or_default();
     Some((*wait + jitter).max(asked.min(LONGEST_REST)))
 }
 
-/// Tells it again, at once and from its first attempt, whatever came of it or is coming of it. False when there is no such delivery
-/// to an endpoint of `tenant` that is told anything.
+/// Starts a delivery again at once, from its first attempt, whatever its state. False if there is no such delivery to an enabled
+/// endpoint of `tenant`.
 ///
 /// # Errors
 /// The database did not answer.
@@ -326,11 +326,11 @@ fn delivery(row: &Row) -> Result<Delivery, Error> {
     })
 }
 
-/// Forgets what was told longer ago than `keep`; how much.
+/// Deletes ended deliveries that are older than `keep`, and returns their number.
 ///
 /// # Errors
 /// The database did not answer.
-pub async fn forget(records: &Records, keep: Duration) -> Result<u64, Error> {
+pub async fn delete_old(records: &Records, keep: Duration) -> Result<u64, Error> {
     // Said twice: one that is to be told again while this statement waits for it stays.
     let old = "DELETE FROM deliveries WHERE state <> 'waiting' AND id IN \
                (SELECT id FROM deliveries WHERE created_ms <= {now} - $1 AND state <> 'waiting' LIMIT $2)";
@@ -345,7 +345,7 @@ pub async fn forget(records: &Records, keep: Duration) -> Result<u64, Error> {
     }
 }
 
-/// Deliveries that wait, in all processes together.
+/// Number of deliveries that wait for an attempt, in all processes together.
 ///
 /// # Errors
 /// The database did not answer.
@@ -354,7 +354,7 @@ pub async fn backlog(records: &Records) -> Result<u64, Error> {
     count.map_or(Ok(0), |row| row.count("waiting"))
 }
 
-/// Adds a message for an endpoint, to be sent at once; its id.
+/// Adds a delivery to an endpoint, due at once, and returns its id.
 ///
 /// # Errors
 /// The database did not answer.
@@ -373,8 +373,8 @@ pub async fn insert(
     Ok(id)
 }
 
-/// Tells an endpoint that there is nothing to tell: once, whatever it answers. While one such waits, it is that. `None` when `tenant` has no such endpoint, or it is
-/// disabled.
+/// Adds a test delivery (`ping`) to an endpoint, which has one attempt only. While such a delivery waits, it is returned instead.
+/// `None` if `tenant` has no such endpoint, or it is disabled.
 ///
 /// # Errors
 /// The database did not answer.

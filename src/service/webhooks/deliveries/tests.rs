@@ -1,7 +1,7 @@
-//! Who is told when, without a socket.
+//! When deliveries are due and how they end, without a socket.
 
 use super::*;
-use crate::webhooks::endpoints::{Told, change};
+use crate::webhooks::endpoints::{EndpointSettings, change};
 use crate::webhooks::{Event, endpoints};
 
 const LONGEST: Duration = Duration::from_secs(15);
@@ -13,12 +13,12 @@ async fn records() -> (tempfile::TempDir, Records) {
     (folder, records)
 }
 
-fn told(url: &str) -> Told {
-    Told { url: url.into(), events: Event::ALL.to_vec(), description: String::new() }
+fn settings(url: &str) -> EndpointSettings {
+    EndpointSettings { url: url.into(), events: Event::ALL.to_vec(), description: String::new() }
 }
 
 async fn endpoint(records: &Records, tenant: &str, waiting: usize) -> String {
-    let id = endpoints::create(records, tenant, told("https://receiver.example/")).await.unwrap().unwrap().0.id;
+    let id = endpoints::create(records, tenant, settings("https://receiver.example/")).await.unwrap().unwrap().0.id;
     for k in 0..waiting {
         let insert = "INSERT INTO deliveries (id, webhook_id, event, body, state, attempt, fence, due_ms, created_ms) \
                       VALUES ($1, $2, 'job.failed', '{}', 'waiting', 0, 0, 0, {now})";
@@ -28,7 +28,7 @@ async fn endpoint(records: &Records, tenant: &str, waiting: usize) -> String {
     id
 }
 
-async fn refused(records: &Records, sending: &Sending, policy: &Policy) -> bool {
+async fn refused(records: &Records, sending: &DueDelivery, policy: &Policy) -> bool {
     let how = Attempted { status: Some(500), ..Attempted::default() };
     end(records, sending, &how, policy).await.unwrap()
 }
@@ -102,9 +102,9 @@ async fn only_what_failed_to_the_last_disables_an_endpoint_and_a_ping_says_nothi
     assert!(refused(&records, &first, &policy).await);
     assert_eq!(failing_and_disabled(&records, "a", &id).await, (true, false), "there is another attempt");
     // Somewhere else it may be well.
-    assert!(change(&records, "a", &id, told("https://receiver.example/")).await.unwrap());
+    assert!(change(&records, "a", &id, settings("https://receiver.example/")).await.unwrap());
     assert_eq!(failing_and_disabled(&records, "a", &id).await, (true, false));
-    assert!(change(&records, "a", &id, told("https://elsewhere.example/")).await.unwrap());
+    assert!(change(&records, "a", &id, settings("https://elsewhere.example/")).await.unwrap());
     assert_eq!(failing_and_disabled(&records, "a", &id).await, (false, false));
     let last = claim(&records, LONGEST).await.unwrap().unwrap();
     assert_eq!(last.attempt, 2);
@@ -122,11 +122,11 @@ async fn only_what_failed_to_the_last_disables_an_endpoint_and_a_ping_says_nothi
     assert!(!redeliver(&records, "a", &id, "d").await.unwrap(), "nobody would be told");
 }
 
-fn sending(attempt: i64, event: &str) -> Sending {
+fn sending(attempt: i64, event: &str) -> DueDelivery {
     // The random part is 500 of 1000: half of the jitter.
     let id = "0190b5a0-0000-7000-8000-0000000001f4".to_owned();
     let (webhook, body, url) = (String::new(), String::new(), String::new());
-    Sending { id, webhook, fence: 1, attempt, event: event.into(), body, url, secrets: Vec::new(), timestamp_s: 0 }
+    DueDelivery { id, webhook, fence: 1, attempt, event: event.into(), body, url, secrets: Vec::new(), timestamp_s: 0 }
 }
 
 #[test]
