@@ -67,13 +67,13 @@ fn observer(columns: &Columns) -> &'static str {
 #[derive(Serialize, JsonSchema)]
 #[schemars(title = "Zonal spectral goniograms of a light source", extend("$id" = URN))]
 pub(super) struct Document<'a> {
-    /// Compare this, not the version: another number means a change that breaks readers.
+    /// Which schema this follows; another number means a change that breaks readers.
     #[schemars(extend("const" = URN))]
     schema: &'static str,
     /// What kind of file this is.
     #[schemars(extend("const" = FORMAT))]
     format: &'static str,
-    /// Grows with every new key.
+    /// Edition of the format; what readers compare is schema.
     #[schemars(regex(pattern = r"^1\.[0-9]+$"))]
     version: &'static str,
     /// Who made it.
@@ -109,7 +109,7 @@ struct SourceFacts {
     name: String,
     /// Rays in the files.
     ray_count: u64,
-    /// Rays that are not in the model: without flux, or impossible.
+    /// Rays that cannot be used: without flux, or impossible.
     rays_dropped: u64,
     /// Radiant flux of the usable rays, W; null where it cannot be known without guessing.
     #[serde(rename = "flux_W")]
@@ -239,7 +239,7 @@ struct Entry<'a> {
     max_intensity: Option<MaxIntensity>,
     /// What the statistics allow to say.
     quality: QualityFacts,
-    /// The same as files.
+    /// Files of it in the zip.
     files: Files,
     /// Spectral flux, W/nm, one number per band.
     #[serde(skip_serializing_if = "Option::is_none", rename = "spectral_flux_W_per_nm")]

@@ -29,7 +29,7 @@ pub fn generator() -> String {
 pub struct Generator {
     /// The program's name.
     name: &'static str,
-    /// Its version: the same version makes the same bytes of the same input.
+    /// Its version.
     version: &'static str,
 }
 
@@ -51,7 +51,7 @@ pub struct InputFile<'a> {
     format: &'a str,
     /// Rays in the file.
     ray_count: u64,
-    /// Rays of it that are in the model.
+    /// Rays of it that can be used.
     rays_used: u64,
     /// What the user said of it.
     declared: DeclaredFacts,
@@ -74,7 +74,7 @@ pub struct DeclaredFacts {
     total: Option<Total>,
     /// Wavelengths of the spectrum, nm.
     spectrum_range_nm: Option<(f64, f64)>,
-    /// SHA-256 of its points as f64, little-endian, wavelength (nm) and value in turn.
+    /// SHA-256 of the spectrum's points as f64, little-endian, wavelength (nm) and value in turn.
     #[schemars(regex(pattern = SHA256))]
     spectrum_sha256: Option<String>,
 }

@@ -49,7 +49,7 @@ pub fn artifact(model: &Model, options: &RunOptions, notices: &[Notice]) -> Resu
 #[derive(Serialize, JsonSchema)]
 #[schemars(title = "Report of a run", extend("$id" = URN))]
 pub(super) struct Report<'a> {
-    /// Compare this: another number means a change that breaks readers.
+    /// Which schema this follows; another number means a change that breaks readers.
     #[schemars(extend("const" = URN))]
     schema: &'static str,
     /// Who made it.
@@ -109,7 +109,7 @@ struct InputFacts<'a> {
     format: &'a str,
     /// Rays in the file.
     ray_count: u64,
-    /// Rays of it that are in the model.
+    /// Rays of it that can be used.
     rays_used: u64,
     /// What the channel gives to the source.
     flux: FluxFacts,

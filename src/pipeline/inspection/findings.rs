@@ -87,7 +87,7 @@ pub struct Header {
     /// The format it is.
     #[schemars(with = "String")]
     pub format: Format,
-    /// Length of the file.
+    /// Length of the file, bytes.
     pub byte_count: u64,
     /// Rays in the file, proven by its length.
     pub ray_count: u64,
@@ -106,7 +106,7 @@ pub struct Header {
     /// Unit of length as the file or the user says: "mm", …; `null` where neither does.
     #[schemars(extend("enum" = LengthUnit::symbols_and_null()))]
     pub length_unit: Option<&'static str>,
-    /// Neither it nor the user says whether its flux is W or lm.
+    /// Neither the file nor the user says whether its flux is W or lm.
     pub quantity_unknown: bool,
     /// Wavelengths of its tables, nm; `null` without tables.
     pub table_range_nm: Option<(f64, f64)>,
@@ -229,7 +229,7 @@ pub struct Inspection {
     pub wavelength_nm: Option<(f64, f64)>,
     /// Lengths of directions.
     pub directions: Directions,
-    /// Order of the rays.
+    /// Whether rays stand in random order.
     pub order: Option<Order>,
     /// How the flux is spread over rays.
     pub ray_flux: Option<RayFlux>,

@@ -29,7 +29,7 @@ const QUANTITIES: usize = 9;
 /// What is compared. Distance: squared, from the first ray's origin, so that sorting by radius is seen too.
 const NAMES: [&str; QUANTITIES] = ["x", "y", "z", "l", "m", "n", "flux", "distance", "wavelength"];
 
-/// What was found of the order.
+/// Whether rays stand in random order.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Order {
     /// Rays that were compared.
@@ -40,9 +40,9 @@ pub struct Order {
     pub first_tenth: Option<Statistic>,
     /// |z| above which a statistic raises the alarm, if it is large enough to do harm.
     pub alarm_z: f64,
-    /// Chance that a shuffled file raises it.
+    /// Chance that a shuffled file raises the alarm.
     pub false_alarm_rate: f64,
-    /// It was raised.
+    /// The alarm was raised: rays are sorted.
     pub sorted: bool,
 }
 

@@ -25,7 +25,7 @@ const MOST: f64 = 0.95;
 pub struct Origins {
     /// Rays the shares were estimated from.
     pub sampled_rays: u64,
-    /// All rays were: shares are exact.
+    /// All rays were sampled: shares are exact.
     pub exact: bool,
     /// Distance that is still "on", mm.
     pub tolerance_mm: f64,

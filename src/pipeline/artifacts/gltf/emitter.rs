@@ -56,7 +56,7 @@ fn in_extras(model: &Model, options: &RunOptions) -> Result<(), &'static str> {
 #[derive(Serialize, JsonSchema)]
 #[schemars(title = "meshes[0].extras.emitter of emitter.glb", extend("$id" = URN))]
 pub struct Emitter<'a> {
-    /// Compare this: another number means a change that breaks readers.
+    /// Which schema this follows; another number means a change that breaks readers.
     #[schemars(extend("const" = URN))]
     schema: &'static str,
     /// The photometric frame of the goniograms.
