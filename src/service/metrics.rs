@@ -332,6 +332,29 @@ impl Drop for AtHand {
     }
 }
 
+/// Queued and running jobs and waiting deliveries of all processes together.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Backlog {
+    /// Number of queued jobs.
+    pub queued: u64,
+    /// Running jobs by the stage they are in, "none" before the first.
+    pub running: BTreeMap<String, u64>,
+    /// How long the oldest queued job has waited.
+    pub oldest_queued: Duration,
+    /// How long the oldest running job has run.
+    pub oldest_running: Duration,
+    /// Number of running jobs whose lease has ended.
+    pub overdue: u64,
+    /// Number of tenants with queued jobs.
+    pub tenants_waiting: u64,
+    /// Number of queued jobs that need more memory than this process has; [`backlog`] does not count them.
+    pub too_large: u64,
+    /// Number of queued jobs of the tenant that has most of them.
+    pub longest_tenant_queue: u64,
+    /// Number of webhook deliveries that wait.
+    pub deliveries: u64,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -385,27 +408,4 @@ mod tests {
         assert!(text.contains("# TYPE lampwright_upload_bytes counter\nlampwright_upload_bytes_total 7\n"), "{text}");
         assert!(text.ends_with("# EOF\n"));
     }
-}
-
-/// Queued and running jobs and waiting deliveries of all processes together.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Backlog {
-    /// Number of queued jobs.
-    pub queued: u64,
-    /// Running jobs by the stage they are in, "none" before the first.
-    pub running: BTreeMap<String, u64>,
-    /// How long the oldest queued job has waited.
-    pub oldest_queued: Duration,
-    /// How long the oldest running job has run.
-    pub oldest_running: Duration,
-    /// Number of running jobs whose lease has ended.
-    pub overdue: u64,
-    /// Number of tenants with queued jobs.
-    pub tenants_waiting: u64,
-    /// Number of queued jobs that need more memory than this process has; [`backlog`] does not count them.
-    pub too_large: u64,
-    /// Number of queued jobs of the tenant that has most of them.
-    pub longest_tenant_queue: u64,
-    /// Number of webhook deliveries that wait.
-    pub deliveries: u64,
 }

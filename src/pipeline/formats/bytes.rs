@@ -117,6 +117,9 @@ pub fn digest(bytes: &dyn Bytes) -> io::Result<String> {
     Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
+/// Bytes looked at.
+pub const LOOK: usize = 4096;
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -152,6 +155,3 @@ mod tests {
         assert_eq!(i32_in(&[1, 0], 0), 0);
     }
 }
-
-/// Bytes looked at.
-pub const LOOK: usize = 4096;

@@ -97,6 +97,9 @@ impl TryFrom<String> for Format {
     }
 }
 
+/// Opens a file; what was declared of the columns counts where it is text in free columns.
+pub type Open = fn(Arc<dyn Bytes>, Option<&[Column]>, &Limits) -> Result<RaySet, Error>;
+
 /// One row of the table of formats: how a file is known to be of the format, and what reads it.
 pub struct Reader {
     /// The format.
@@ -104,7 +107,7 @@ pub struct Reader {
     /// What tells it from others.
     pub sign: Sign,
     /// Opens a file; a text file in free columns is read as the columns that are declared of it.
-    pub open: fn(Arc<dyn Bytes>, Option<&[Column]>, &Limits) -> Result<RaySet, Error>,
+    pub open: Open,
     /// Judges a file by its first bytes, `length` being its full length where that is known.
     pub peek: fn(&dyn Bytes, Option<u64>, &Limits) -> Result<(), Error>,
 }

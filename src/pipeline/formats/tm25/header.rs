@@ -304,6 +304,13 @@ fn flags(block: &[u8], notices: &mut Notices) -> Result<Flags, Error> {
     Ok(Flags { radiant, wavelength, luminous, stokes, tristimulus, index })
 }
 
+/// Where the spectral tables start (4.7.2 ends): header 256, flags 32, nine texts of 4000 bytes.
+pub const PREAMBLE: u64 = 36_288;
+/// Blocks of variable length are padded to multiples of this many bytes.
+pub const ALIGNMENT: u64 = 32;
+/// The version all public files have.
+pub const VERSION: i32 = 2013;
+
 #[cfg(test)]
 mod tests {
     use super::known;
@@ -317,10 +324,3 @@ mod tests {
         assert_eq!(known(337.0_f32.to_bits()), Some(337.0));
     }
 }
-
-/// Where the spectral tables start (4.7.2 ends): header 256, flags 32, nine texts of 4000 bytes.
-pub const PREAMBLE: u64 = 36_288;
-/// Blocks of variable length are padded to multiples of this many bytes.
-pub const ALIGNMENT: u64 = 32;
-/// The version all public files have.
-pub const VERSION: i32 = 2013;
