@@ -4,6 +4,8 @@
 #[cfg(test)]
 mod building;
 #[cfg(test)]
+mod codes;
+#[cfg(test)]
 mod papers;
 #[cfg(test)]
 mod reading;

@@ -322,7 +322,8 @@ fn declared_crates() -> BTreeSet<String> {
     names
 }
 
-fn is_test(attributes: &[syn::Attribute]) -> bool {
+/// Whether it is there in tests only.
+pub fn is_test(attributes: &[syn::Attribute]) -> bool {
     let test = |attribute: &syn::Attribute| {
         attribute.path().is_ident("cfg") && attribute.parse_args::<syn::Path>().is_ok_and(|path| path.is_ident("test"))
     };
