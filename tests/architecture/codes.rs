@@ -21,13 +21,12 @@ const FEWEST_CODES: usize = 250;
 
 /// Calls that a code is given to, which of their arguments it is, and which has the words. A struct that is made counts as a call of
 /// its code and its title.
-const CALLS: [(&str, usize, usize, Kind); 13] = [
+const CALLS: [(&str, usize, usize, Kind); 12] = [
     ("Problem::new", 1, 2, Kind::Problem(None)),
     ("Failure{}", 0, 1, Kind::Job),
     ("Error::malformed", 0, 1, Kind::Malformed),
     ("Error::refused", 0, 1, Kind::Refused),
     ("Error::unusable", 0, 2, Kind::Unusable),
-    ("Error::undeclarable", 0, 2, Kind::Unusable),
     ("Error::invalid_declaration", 0, 2, Kind::Unusable),
     (".add", 0, 1, Kind::Notice),
     (".add_ray", 0, 2, Kind::Notice),
