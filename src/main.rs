@@ -1,8 +1,9 @@
 //! The command line: reads arguments and nothing else. `lampwright --help` is its documentation.
 
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+/// The verbs, one file each.
 mod command;
 
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use command::{Failure, backup, build, convert, environment, health, inspect, keys, openapi, sample, serve, tenants};
 use std::process::ExitCode;
 
@@ -24,17 +25,17 @@ enum Verb {
     Serve(Box<serve::Arguments>),
     /// Build a model from ray files, without a server.
     Build(build::Arguments),
-    /// Say what a ray file says of itself, and what its rays say.
+    /// Show the header of a ray file, and inspect its rays.
     Inspect(inspect::Arguments),
-    /// Write a ray file as another: IES TM-25 or Zemax binary.
+    /// Write a ray file in another format: IES TM-25 or Zemax binary.
     Convert(convert::Arguments),
     /// Write a known source as an IES TM-25 ray file.
     Sample(sample::Arguments),
-    /// Make, list, rotate and revoke the keys of a service.
+    /// Create, list, rotate and revoke the keys of a service.
     Keys(keys::Arguments),
-    /// Say what the tenants of a service may use.
+    /// Show and set the quotas of the tenants of a service.
     Tenants(tenants::Arguments),
-    /// Copy everything a service keeps, while it runs.
+    /// Copy everything that a service stores, while it runs.
     Backup(backup::Arguments),
     /// Print the OpenAPI contract of the service.
     Openapi,

@@ -167,6 +167,12 @@ async fn what_was_computed_is_not_computed_again() {
         other["channels"][0][field] = value;
         others.push(other);
     }
+    for total in [1.0, 2.0] {
+        let mut other = body(&ray_set);
+        other["channels"][0]["flux"] = json!({"radiant_share": 1.0});
+        other["total"] = json!({"radiant_w": total});
+        others.push(other);
+    }
     let before = job_count(&site).await;
     for other in &others {
         assert_eq!(site.post("/v1/jobs", other).await.status, StatusCode::ACCEPTED, "{other}");

@@ -33,7 +33,7 @@ fn any_change_of_the_computation_is_another_build() {
         identity(folder.path(), &["src"]).unwrap()
     };
     assert_eq!(of(houses[0]), of(houses[0]), "wherever it lies");
-    let with_a_page = [houses[0], &[("in/README.md", "What it means.")]].concat();
+    let with_a_page = [houses[0], &[(concat!("in/PAGE", ".md"), "What it means.")]].concat();
     assert_eq!(of(houses[0]), of(&with_a_page), "a page beside it");
     assert_eq!(houses.into_iter().map(of).collect::<BTreeSet<String>>().len(), houses.len());
 }

@@ -38,7 +38,9 @@ pub struct JobPlan {
 struct Content<'a> {
     pipeline: &'a str,
     channels: Vec<File<'a>>,
-    options: &'a pipeline::Options,
+    /// Every choice, with the default in the place of what was left out.
+    options: pipeline::Options,
+    total: Option<pipeline::Total>,
 }
 
 /// A channel: the bytes of its file, the name that the artifacts tell, and what holds of it (the channel's word, else the
@@ -159,7 +161,7 @@ fn digest<'a>(known: &'a [ChannelSource], options: &'a pipeline::Options) -> Res
         File { sha256: &ray_set.sha256, name: &ray_set.name, declared, noticed: known.noticed() }
     };
     let channels = known.iter().map(channel).collect();
-    let content = Content { pipeline: PIPELINE, channels, options };
+    let content = Content { pipeline: PIPELINE, channels, options: options.with_defaults(), total: options.rays.total };
     Ok(hex(&Sha256::digest(serde_json::to_vec(&content).map_err(unreadable)?)))
 }
 

@@ -47,8 +47,8 @@ fn begins_as_one(file: &Path) -> io::Result<bool> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::database_url::url;
     use super::*;
+    use crate::storage::database_url::url;
 
     /// As where the blobs are on S3, and nothing has made the data folder yet.
     #[test]
