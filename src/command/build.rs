@@ -14,7 +14,6 @@ use pipeline::flux::balance::Share;
 use pipeline::hull::Label;
 use pipeline::model::Model;
 use pipeline::model::channel::Origin;
-
 use pipeline::{Declared, Input, Limits, Outcome, Stage, Total};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -222,7 +221,7 @@ mod tests {
 
     #[test]
     fn every_flag_arrives() {
-        let given = "--resolution 40 --max-edge 0.5 --zones 4x2 --nadir -Z --c0 Y --gamma-step 2.5 --c-step 15 \
+        let given = "--resolution 40 --max-edge .5 --zones 4x2 --nadir -Z --c0 Y --gamma-step 2.5 --c-step 15 \
                      --bands 400:700:20 --no-smoothing --spectra extras --ies-edition 2019";
         let mut expected = Options::default();
         expected.hull.resolution = Some(40);
@@ -242,8 +241,17 @@ mod tests {
 
     #[test]
     fn nonsense_is_wrong_usage() {
-        for flags in ["--zones 4", "--zones 4xx", "--nadir up", "--bands 700:400:10", "--bands 400:700", "--spectra x"]
-        {
+        for flags in [
+            "--zones 4",
+            "--zones 4xx",
+            "--nadir up",
+            "--bands 700:400:10",
+            "--bands 400:700",
+            "--spectra x",
+            "--resolution 40.5",
+            "--resolution -5",
+            "--zones 4.5x4",
+        ] {
             assert_eq!(options(flags).unwrap_err().exit_code(), 2, "{flags}");
         }
     }

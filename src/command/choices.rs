@@ -1,4 +1,5 @@
-//! The pipeline's options as flags: one for each field of their schema, in its words. A field that is added there is a flag here.
+//! The pipeline's options as flags: one for each field of their schema, in its words; --no-NAME for all switches of that name. A
+//! field that is added there is a flag here.
 
 use super::terminal::argument;
 use clap::builder::{StringValueParser, TypedValueParser};
@@ -6,9 +7,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, Error, FromArgMatches};
 use pipeline::Options;
 use serde_json::{Map, Value, json};
-
-/// The flag that stands for every field of this name: results as they were counted.
-const SMOOTHING: &str = "smoothing";
+use std::collections::HashSet;
 
 /// What the flags choose; what is not given is the pipeline's default.
 #[derive(Clone, Debug, Default)]
@@ -29,7 +28,9 @@ struct Field {
 /// How the value of a flag is written.
 #[derive(Clone)]
 enum Kind {
-    /// As in JSON.
+    /// A whole number.
+    Whole,
+    /// A number.
     Number,
     /// One of these words, or its end: 2019 for LM-63-2019.
     Word(Vec<String>),
@@ -37,10 +38,12 @@ enum Kind {
     Pair(String, String),
     /// first:last:step, or values between commas.
     List,
+    /// Without a value: the flag turns off what is on by default.
+    Switch,
 }
 
 impl Field {
-    /// Every field but the switches.
+    /// Every field.
     fn all() -> Vec<Field> {
         let schema = Options::schema().to_value();
         let at = |reference: &Value| reference.as_str().and_then(|path| schema.pointer(path.trim_start_matches('#')));
@@ -49,36 +52,38 @@ impl Field {
             let properties = at(&part["$ref"]).map(|part| &part["properties"]).and_then(Value::as_object);
             for (name, property) in properties.into_iter().flatten() {
                 let inner = property["anyOf"].get(0).and_then(|choice| at(&choice["$ref"])).unwrap_or(property);
-                let Some(kind) = Kind::of(inner) else { continue };
+                let kind = Kind::of(inner);
                 let help = property["description"].as_str().unwrap_or_default().trim_end_matches('.').to_owned();
                 let (group, name) = (group.clone(), name.clone());
-                fields.push(Field { flag: flag(&name), group, name, help, kind });
+                let flag = match kind {
+                    Kind::Switch => format!("no-{}", flag(&name)),
+                    _ => flag(&name),
+                };
+                fields.push(Field { flag, group, name, help, kind });
             }
         }
         fields
     }
 
     fn argument(&self) -> Arg {
+        let argument = Arg::new(self.flag.clone()).long(self.flag.clone());
+        if let Kind::Switch = self.kind {
+            return argument.help(format!("Turns {} off wherever it is applied", self.name)).action(ArgAction::SetTrue);
+        }
         let kind = self.kind.clone();
         let parser = StringValueParser::new().try_map(move |text| kind.parse(&text));
         let placeholder = match &self.kind {
-            Kind::Number => self.name.rsplit('_').next().unwrap_or_default().to_uppercase(),
+            Kind::Whole | Kind::Number => self.name.rsplit('_').next().unwrap_or_default().to_uppercase(),
             Kind::Word(words) => words.join("|"),
             Kind::Pair(a, b) => format!("{}x{}", a.to_uppercase(), b.to_uppercase()),
-            Kind::List => "FIRST:LAST:STEP".to_owned(),
+            Kind::List | Kind::Switch => "FIRST:LAST:STEP".to_owned(),
         };
-        Arg::new(format!("{}.{}", self.group, self.name))
-            .long(self.flag.clone())
-            .value_name(placeholder)
-            .help(self.help.clone())
-            .allow_hyphen_values(true)
-            .value_parser(parser)
+        argument.value_name(placeholder).help(self.help.clone()).allow_hyphen_values(true).value_parser(parser)
     }
 }
 
 impl Kind {
-    /// `None`: a switch, which has no value.
-    fn of(schema: &Value) -> Option<Kind> {
+    fn of(schema: &Value) -> Kind {
         let is = |kind: &str| {
             schema["type"] == kind || schema["type"].as_array().is_some_and(|all| all.contains(&json!(kind)))
         };
@@ -94,20 +99,20 @@ impl Kind {
             [words(&schema["enum"], |value| value), words(&schema["oneOf"], |value| &value["const"])].concat();
         let pair = schema["required"].as_array().map(Vec::as_slice);
         match pair {
-            _ if !constants.is_empty() => Some(Kind::Word(constants)),
-            _ if is("boolean") => None,
-            _ if is("array") => Some(Kind::List),
-            Some([Value::String(a), Value::String(b)]) => Some(Kind::Pair(a.clone(), b.clone())),
-            _ => Some(Kind::Number),
+            _ if !constants.is_empty() => Kind::Word(constants),
+            _ if is("boolean") => Kind::Switch,
+            _ if is("array") => Kind::List,
+            Some([Value::String(a), Value::String(b)]) => Kind::Pair(a.clone(), b.clone()),
+            _ if is("integer") => Kind::Whole,
+            _ => Kind::Number,
         }
     }
 
     fn parse(&self, text: &str) -> Result<Value, String> {
-        let number = |text: &str| {
-            let number: Value = serde_json::from_str(text).ok().filter(Value::is_number)?;
-            Some(number)
-        };
+        let whole = |text: &str| text.parse::<u32>().ok().map(Value::from);
+        let number = |text: &str| text.parse::<f64>().ok().filter(|number| number.is_finite()).map(Value::from);
         match self {
+            Kind::Whole => whole(text).ok_or_else(|| "write a whole number".to_owned()),
             Kind::Number => number(text).ok_or_else(|| "write a number".to_owned()),
             Kind::Word(words) => {
                 let text = text.to_ascii_lowercase();
@@ -120,8 +125,7 @@ impl Kind {
                 words.iter().find(is).map(|word| json!(word)).ok_or_else(|| format!("write one of {}", words.join(" ")))
             }
             Kind::Pair(a, b) => {
-                let sides =
-                    text.split_once(['x', 'X']).and_then(|(x, y)| Some(json!({ a: number(x)?, b: number(y)? })));
+                let sides = text.split_once(['x', 'X']).and_then(|(x, y)| Some(json!({ a: whole(x)?, b: whole(y)? })));
                 sides.ok_or_else(|| format!("write {a} x {b}, as 4x4"))
             }
             Kind::List if text.contains(',') => text
@@ -130,6 +134,7 @@ impl Kind {
                 .collect::<Option<Vec<_>>>()
                 .map(Value::from)
                 .ok_or_else(|| "write numbers between commas".to_owned()),
+            Kind::Switch => Ok(json!(false)),
             Kind::List => argument::bands(text).map(|bands| json!(bands.edges_nm())),
         }
     }
@@ -147,13 +152,9 @@ fn flag(name: &str) -> String {
 
 impl Args for Choices {
     fn augment_args(command: Command) -> Command {
-        let command = command.args(Field::all().iter().map(Field::argument));
-        command.arg(
-            Arg::new(SMOOTHING)
-                .long("no-smoothing")
-                .help("Do not smooth the flux and the goniograms")
-                .action(ArgAction::SetTrue),
-        )
+        let mut flags = HashSet::new();
+        let fields = Field::all().into_iter().filter(|field| flags.insert(field.flag.clone()));
+        command.args(fields.map(|field| field.argument()))
     }
 
     fn augment_args_for_update(command: Command) -> Command {
@@ -176,12 +177,13 @@ impl FromArgMatches for Choices {
             }
         };
         for field in Field::all() {
-            if let Some(value) = matches.get_one::<Value>(&format!("{}.{}", field.group, field.name)) {
-                choose(&field.group, &field.name, value.clone());
+            let value = match field.kind {
+                Kind::Switch => matches.get_flag(&field.flag).then_some(json!(false)),
+                _ => matches.get_one::<Value>(&field.flag).cloned(),
+            };
+            if let Some(value) = value {
+                choose(&field.group, &field.name, value);
             }
-        }
-        if matches.get_flag(SMOOTHING) {
-            ["flux", "goniogram"].into_iter().for_each(|group| choose(group, SMOOTHING, json!(false)));
         }
         self.0 = serde_json::from_value(Value::Object(groups)).map_err(|error| {
             let mut wrong = Error::new(ErrorKind::InvalidValue);
@@ -190,5 +192,24 @@ impl FromArgMatches for Choices {
             wrong
         })?;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashMap;
+
+    /// A flag stands for one field, or for the switches of one name.
+    #[test]
+    fn no_two_fields_share_a_flag() {
+        let mut flags: HashMap<String, Vec<Field>> = HashMap::new();
+        for field in Field::all() {
+            flags.entry(field.flag.clone()).or_default().push(field);
+        }
+        for (flag, fields) in flags {
+            let switches = fields.iter().all(|field| matches!(field.kind, Kind::Switch));
+            assert!(fields.len() == 1 || switches, "--{flag} stands for {} fields", fields.len());
+        }
     }
 }

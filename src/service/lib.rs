@@ -1,53 +1,53 @@
 //! The HTTP service: sockets, disk and time. Its parts are put together here and nowhere else; the computation is in [`pipeline`].
 
-/// What an operator may choose.
-pub mod config;
-/// Logs and traces.
-pub mod telemetry;
-/// Metrics of this process.
-pub mod metrics;
-/// API keys, tenants and quotas.
-pub mod accounts;
+/// The cryptography of TLS.
+pub mod tls;
 /// Crash points, at which a test ends the process.
 pub mod crash;
 /// Bytes, written.
 mod hex;
 /// Times, written as RFC 3339.
 pub mod calendar;
+/// How much memory there is.
+mod machine;
 /// Priorities of threads: computations give way to requests.
 pub mod priority;
-/// Metadata: the client's own keys and values.
-pub mod metadata;
-/// The cryptography of TLS.
-pub mod tls;
+/// Logs and traces.
+pub mod telemetry;
+/// Metrics of this process.
+pub mod metrics;
+/// Why a job failed or an upload was refused, as it is stored and shown.
+pub mod failure;
 /// The database and the object store.
 pub mod storage;
 /// Causes of errors: the input, a store or the service.
 pub mod cause;
-/// The client of a request behind trusted proxies.
-pub mod forwarded;
-/// Accepts and limits TCP connections.
-pub mod connections;
 /// Outbound HTTP requests.
 pub mod outbound;
+/// API keys, tenants and quotas.
+pub mod accounts;
+/// Metadata: the client's own keys and values.
+pub mod metadata;
 /// Uploads of ray files, and stored ray sets.
 pub mod ray_sets;
-/// The job queue and its workers.
-pub mod jobs;
-/// Webhooks, which report ended jobs.
-pub mod webhooks;
-/// How much memory there is.
-mod machine;
-/// The HTTP API.
-pub mod http;
-/// Why a job failed or an upload was refused, as it is stored and shown.
-pub mod failure;
 /// Rows of spectra.
 pub mod spectra;
-/// What keeps the stores in order: retention, backup, garbage.
-pub mod upkeep;
 /// Uploads that come in several requests (tus): append, finish, outcome.
 mod uploads;
+/// The client of a request behind trusted proxies.
+pub mod forwarded;
+/// Webhooks, which report ended jobs.
+pub mod webhooks;
+/// The job queue and its workers.
+pub mod jobs;
+/// Accepts and limits TCP connections.
+pub mod connections;
+/// What an operator may choose.
+pub mod config;
+/// What keeps the stores in order: retention, backup, garbage.
+pub mod upkeep;
+/// The HTTP API.
+pub mod http;
 
 pub use config::{Config, Role};
 

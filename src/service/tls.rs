@@ -4,15 +4,15 @@ use rustls::CertificateError;
 use rustls::crypto::ring;
 use std::error::Error;
 
-/// Makes ring the one provider of this process, for every client that will speak TLS. Asked before the first of them; asked
+/// Makes ring the one provider of this process, for every client that will speak TLS. Called before the first of them; called
 /// again, it changes nothing.
 pub fn install() {
     // An error says that there is one already.
     let _ = ring::default_provider().install_default();
 }
 
-/// What an error of TLS says of whom was asked, for a client who named it; `None` for another error.
-pub fn words(error: &(dyn Error + 'static)) -> Option<&'static str> {
+/// Describes an error of TLS to the client that gave the address; `None` if the error is not one of TLS.
+pub fn describe(error: &(dyn Error + 'static)) -> Option<&'static str> {
     use CertificateError::{Expired, ExpiredContext, NotValidForName, NotValidForNameContext, UnknownIssuer};
     Some(match error.downcast_ref::<rustls::Error>()? {
         rustls::Error::InvalidCertificate(Expired | ExpiredContext { .. }) => "its certificate has expired",

@@ -3,7 +3,7 @@
 
 #![expect(clippy::unwrap_used, clippy::panic, reason = "what a test stumbles over is its finding")]
 
-/// The engines a test runs on: files in its folder, or, when `tests/engines/with` runs the tests, PostgreSQL and S3: a schema and a
+/// The engines a test runs on: files in its folder, or PostgreSQL and S3 when `tests/engines/with` runs the tests.
 pub mod engines;
 /// A ray file in every format and form that is read, of as many rays as a test asks for.
 pub mod formats;
@@ -11,13 +11,13 @@ pub mod formats;
 pub mod http;
 /// Packs files the way users do, with the libraries' writers: gzip, zstd, zip.
 pub mod packing;
-/// Ray files for tests that care about bytes, not about light. Written after the vendor's format page (Zemax binary: a 208-byte
+/// Ray files for tests that care about bytes, not about light.
 pub mod rays;
 /// Somebody else's endpoint on loopback: hears what is posted, and answers as it is told.
 pub mod receiver;
 /// Runners that stand in for the pipeline: prompt, held, stubborn, panicking, failing.
 pub mod runners;
-/// A service on a folder of its own and a client that sees everything: each response is held to what all responses owe, and
+/// A service on a folder of its own, and a client that checks every response.
 pub mod site;
 /// Random estimates are judged by their own statistics, with a stated false-alarm rate.
 pub mod statistics;

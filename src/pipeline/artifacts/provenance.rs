@@ -3,7 +3,9 @@
 use crate::formats::bytes::digest;
 use crate::model::Model;
 use crate::model::channel::Origin;
-use crate::options::{ArtifactsOptions, FluxOptions, GoniogramOptions, HullOptions, Options as RunOptions};
+use crate::options::{
+    ArtifactsOptions, FluxOptions, GoniogramOptions, HullOptions, Options as RunOptions, RaysOptions,
+};
 use crate::vocabulary::declaration::{Column, FluxOverride, Total};
 use crate::vocabulary::spectrum::Table;
 use crate::vocabulary::units::{LengthUnit, Quantity};
@@ -110,15 +112,15 @@ pub struct Provenance<'a> {
     #[schemars(length(min = 1))]
     inputs: Vec<InputFile<'a>>,
     /// Every option of the run, as used.
-    options: Choices<'a>,
+    options: OptionsEcho<'a>,
 }
 
 /// Every choice of the caller, with the default in the place of what was left out.
 #[derive(Serialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
-pub struct Choices<'a> {
+pub struct OptionsEcho<'a> {
     /// How rays were read.
-    rays: RaysChoices<'a>,
+    rays: RaysEcho<'a>,
     /// How emission points became a surface.
     hull: HullOptions,
     /// How rays were laid on the surface.
@@ -132,19 +134,20 @@ pub struct Choices<'a> {
 /// How rays were read.
 #[derive(Serialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
-struct RaysChoices<'a> {
+struct RaysEcho<'a> {
     /// Edges of the spectral bands, nm; null: chosen by the program.
     band_edges_nm: &'a Option<Vec<f64>>,
     /// Total flux of the source, of which the channels have shares; null: the channels' own fluxes hold.
     total: Option<Total>,
 }
 
-impl<'a> Choices<'a> {
+impl<'a> OptionsEcho<'a> {
     /// Of a run.
-    pub fn new(options: &'a RunOptions) -> Choices<'a> {
-        let RunOptions { hull, flux, goniogram, artifacts, .. } = options.with_defaults();
-        let rays = RaysChoices { band_edges_nm: &options.rays.band_edges_nm, total: options.rays.total };
-        Choices { rays, hull, flux, goniogram, artifacts }
+    pub fn new(options: &'a RunOptions) -> OptionsEcho<'a> {
+        let RunOptions { rays: _, hull, flux, goniogram, artifacts } = options.with_defaults();
+        let RaysOptions { band_edges_nm, total } = &options.rays;
+        let rays = RaysEcho { band_edges_nm, total: *total };
+        OptionsEcho { rays, hull, flux, goniogram, artifacts }
     }
 }
 
@@ -154,7 +157,7 @@ impl<'a> Provenance<'a> {
         Provenance {
             generator: GENERATOR,
             inputs: model.origins.iter().map(input_file).collect(),
-            options: Choices::new(options),
+            options: OptionsEcho::new(options),
         }
     }
 }

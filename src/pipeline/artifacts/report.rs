@@ -1,7 +1,7 @@
 //! `report.json`: what was read, what was done, where every ray went (`openapi/report.schema.json`).
 
 use super::facts::{Box3, FrameFacts, LatticeFacts, QualityFacts};
-use super::provenance::{Choices, DeclaredFacts, GENERATOR, Generator};
+use super::provenance::{DeclaredFacts, GENERATOR, Generator, OptionsEcho};
 use crate::error::Error;
 use crate::flux::Balance;
 use crate::flux::balance::Share;
@@ -34,7 +34,7 @@ pub fn artifact(model: &Model, options: &RunOptions, notices: &[Notice]) -> Resu
         schema: URN,
         generator: GENERATOR,
         inputs: model.origins.iter().map(|origin| InputFacts::new(origin, &model.flux)).collect(),
-        options: Choices::new(options),
+        options: OptionsEcho::new(options),
         flux: FluxFacts::new(&model.flux),
         balance: BalanceFacts::new(&model.surface.balance),
         hull: HullFacts::new(model),
@@ -58,7 +58,7 @@ pub(super) struct Report<'a> {
     #[schemars(length(min = 1))]
     inputs: Vec<InputFacts<'a>>,
     /// Every option of the run; null: chosen by the program, and the choice is below.
-    options: Choices<'a>,
+    options: OptionsEcho<'a>,
     /// Flux of the usable rays.
     flux: FluxFacts,
     /// Where every ray and every watt went.

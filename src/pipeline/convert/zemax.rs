@@ -29,7 +29,7 @@ pub fn header(input: &Input, channel: &Channel, notices: &mut Notices) -> Result
     })
 }
 
-/// What the rays will carry. Of W and lm the radiant flux goes on: a spectrum makes lm of it.
+/// What the rays will carry. Where W and lm are known, W is written: readers get lm from the spectrum.
 fn rows(facts: &Facts, notices: &mut Notices) -> Result<Rows, Error> {
     let no = |found: &str| {
         let remedy = "Convert to TM-25, which holds it.";

@@ -8,10 +8,10 @@ use glam::DVec3;
 
 /// Largest error of a direction's length that is still rounding of a writer (`pipeline/formats/README.md` 7).
 pub const LENGTH_TOLERANCE: f64 = 1e-3;
-/// Rays whose directions prove a layout that is not the standard's.
+/// How many of the first rays are looked at to prove a layout that is not the standard's.
 const PROOF_RAYS: u64 = 64;
 
-/// No more rays than are allowed.
+/// Refuses a file with more rays than the limit.
 ///
 /// # Errors
 /// `rays.too_many`.
@@ -23,7 +23,7 @@ pub fn count(ray_count: u64, limits: &Limits) -> Result<(), Error> {
     Err(Error::refused("rays.too_many", found, "Thin the file out, or raise the limit."))
 }
 
-/// A direction as rays have it: of unit length but for a writer's rounding.
+/// Whether a direction has unit length, but for a writer's rounding.
 pub fn is_unit(direction: [f64; 3]) -> bool {
     (DVec3::from_array(direction).length() - 1.0).abs() <= LENGTH_TOLERANCE
 }

@@ -59,9 +59,9 @@ pub struct Zone {
     pub goniogram: Goniogram,
 }
 
-/// Most zones unless asked for more [на данный момент общее количество зон ограничено 16].
+/// Most zones unless more are asked for; the paper has the same limit [общее количество зон ограничено 16].
 const MOST_BY_DEFAULT: f64 = 16.0;
-/// Rays that make a zone of its own worth while: about 30 in each of the lit half of 1300 cells.
+/// Rays that a zone needs: about 30 per lit cell, where half of 1300 cells are lit.
 const RAYS_PER_ZONE: f64 = 20_000.0;
 
 /// The lattice, and what belongs where, before any goniogram.

@@ -35,7 +35,6 @@ mod tests;
 /// Symmetric 3 x 3 matrices of second moments: along which direction points spread least.
 mod covariance;
 
-pub use crate::options::Emission;
 use crate::options::HullOptions;
 pub use cloud::Cloud;
 use cloud::Pass;

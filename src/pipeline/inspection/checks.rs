@@ -13,26 +13,27 @@ use glam::DVec3;
 const VISIBLE_NM: (f64, f64) = (380.0, 780.0);
 /// Wavelengths outside are no light source anybody sells rays of, nm: another column was read, or another unit.
 const LIKELY_NM: (f64, f64) = (100.0, 20_000.0);
-/// Share of the flux of a single ray that shows as a spot.
+/// `rays.ray_flux` is a notice when one ray carries more than this share of the flux: it would show as a spot.
 const LARGE_RAY: f64 = 0.01;
-/// Effective over counted rays below which most rays hardly count.
+/// ... or when the effective rays are less than this share of the counted ones: most rays hardly matter then.
 const EVEN_RAYS: f64 = 0.1;
-/// Noise of a picture of 50 x 50 cells that shows.
+/// Relative noise of a picture of 50 x 50 cells above which it is a notice.
 const NOISY: f64 = 0.25;
-/// Share of the flux against the main direction of a source that has one.
+/// Share of the flux against the main direction above which it is a notice, for a source that has a main direction.
 const BACKWARD: f64 = 0.01;
 /// Length of the mean direction above which a source has a main direction; even light into a hemisphere has 1/2.
 const DIRECTED: f64 = 0.45;
 /// Origins twice as far from the focus as 99 % of the ray lines pass by it lie on a receiver, not on an emitter.
 const FAR: f64 = 2.0;
-/// Distance of the focus from the plane of the origins, in root mean square distances of the ray lines, that blurs.
-const SUNK: f64 = 0.2;
-/// ... and in its standard errors: two-sided normal tail 6e-7.
-const SURE: f64 = 5.0;
-/// Share of the origins on a plane that makes it the place they were moved to.
+/// Distance of the focus from the plane of the origins, in root mean square distances of the ray lines, above which the model is
+/// blurred.
+const FOCUS_OFF_PLANE: f64 = 0.2;
+/// ... and the same distance in standard errors of the focus: two-sided normal tail 6e-7.
+const FOCUS_OFF_PLANE_SIGMA: f64 = 5.0;
+/// Share of the origins on a plane above which they were moved to it.
 const MOVED: f64 = 0.8;
 
-/// Checks whose findings are told by whoever reads the rays for a model: as a refusal, or as a notice under a code of its own
+/// Checks whose findings the reading of the rays for a model reports itself: as a refusal, or as a notice under a code of its own
 /// (`rays.unlikely_size`, `rays.total_ratio`, `rays.efficacy_differs`, those of [`crate::rays::check`]).
 pub const TOLD_BY_READING: [&str; 7] =
     ["rays.usable", "rays.length_unit", "rays.quantity", "rays.size", "rays.total", "rays.efficacy", "rays.directions"];
@@ -288,7 +289,7 @@ fn origins(found: &Inspection) -> Check {
     let depth = origins.plane.filter(|plane| plane.share >= MOVED).map_or(0.0, |plane| {
         (DVec3::from_array(plane.normal).dot(DVec3::from_array(focus.point_mm)) - plane.offset_mm).abs()
     });
-    if depth > SUNK * focus.rms_distance_mm && depth > SURE * focus.standard_error_mm {
+    if depth > FOCUS_OFF_PLANE * focus.rms_distance_mm && depth > FOCUS_OFF_PLANE_SIGMA * focus.standard_error_mm {
         let sunk =
             format!("{told} The virtual focus is {depth:.4} mm off that plane: the origins are not the emitter.");
         return notice(NAME, sunk, means);

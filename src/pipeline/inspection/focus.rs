@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::f64::consts::FRAC_PI_3;
 
-/// Largest condition number of A with which a focus is told. A cone of half-angle θ has about 4/θ²: this one is 2 mrad, at
+/// Largest condition number of A up to which a focus is reported. A cone of half-angle θ has about 4/θ²: this one is 2 mrad, at
 /// which f32 directions (6e-8) still give the depth to 3e-5 of a distance.
 const WORST_CONDITION: f64 = 1e6;
 

@@ -42,7 +42,7 @@ const MOST_TEXTS: usize = 256;
 /// Most bytes of them together.
 const MOST_TEXT_BYTES: usize = 64 << 10;
 
-/// What a file says of itself, with its length as witness.
+/// The header of a file, checked against the length of the file.
 ///
 /// # Errors
 /// As [`open`].
@@ -50,7 +50,8 @@ pub fn header(input: &Input, limits: &Limits) -> Result<Header, Error> {
     Ok(Header::of(&open(Arc::clone(&input.bytes), &input.declared, limits)?.facts, input.bytes.len()))
 }
 
-/// Reads a whole file once and tells what is in it. A file that a job would refuse for its rays is told of too.
+/// Reads a whole file once and tells what is in it. A file whose rays a job would refuse is inspected too; the refusal is
+/// one of the findings.
 ///
 /// # Errors
 /// As [`open`]; [`Error::Malformed`] where a record has no meaning; [`Error::Cancelled`].
@@ -79,11 +80,11 @@ pub fn observed(
     survey(set, radiant, bands, watch, || Evidence::new(count, pivot))
 }
 
-/// What a user should know of a channel before its model is trusted: every check that is not as it should be, but for those
-/// whose findings reading itself tells. `radiant`: W weight its rays, not lm.
+/// What a user should know of a channel before its model is trusted: every check that is not ok, except for those that reading
+/// the channel reports already ([`TOLD_BY_READING`]). `radiant`: the rays are weighted by W instead of lm.
 ///
 /// # Errors
-/// Never of a channel that was read: what can be wrong is refused there.
+/// None in practice: a channel that was read has passed every rule that could fail here.
 pub fn findings(
     facts: &Facts,
     byte_count: u64,

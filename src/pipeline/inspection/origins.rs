@@ -11,13 +11,13 @@ use serde::Serialize;
 const TOLERANCE: f64 = 1e-3;
 /// Share of the sample on either side that is left out of the box: stray rays.
 const STRAY: f64 = 1e-3;
-/// Planes and spheres that are tried through random sampled origins.
+/// Random candidates that are tried for the plane, and as many for the sphere.
 const TRIALS: u64 = 96;
-/// Origins that a trial is judged by; the best is then judged by all.
+/// Origins by which a candidate is scored; the best is scored again by all.
 const JUDGES: usize = 1000;
 /// Largest radius of a sphere, in diagonals of the box: beyond, it is a plane.
 const FLATTEST: f64 = 10.0;
-/// Share with which origins are said to lie on something.
+/// Smallest share of the origins that names a shape.
 const MOST: f64 = 0.95;
 
 /// What origins lie on; shares are of a sample of at most 20 000 rays.

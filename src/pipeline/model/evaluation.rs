@@ -1,4 +1,4 @@
-//! The model evaluated: L = M(x) q(ω; x) / cos θ (`pipeline/README.md` 5).
+//! The model evaluated: L = M(x) q(ω; x) / |cos θ| (`pipeline/README.md` 5).
 //!
 //! M is the exitance, linear over each triangle between the vertices' M_l = ρ_l / A_l; q mixes the zones' normalised goniograms by
 //! the zone weights of the triangle's corners, as M is mixed. Another program that reads only emitter.glb and

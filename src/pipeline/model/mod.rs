@@ -1,6 +1,6 @@
 //! 5. What a renderer needs: the radiance of a point and a direction.
 //!
-//! L = M(x, λ) q(ω; x, λ) / cos θ (`pipeline/README.md` 5).
+//! L = M(x, λ) q(ω; x, λ) / |cos θ| (`pipeline/README.md` 5).
 
 /// The model evaluated.
 pub mod evaluation;

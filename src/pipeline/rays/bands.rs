@@ -13,7 +13,7 @@ const LIGHT_NM: (f64, f64) = (100.0, 20_000.0);
 const MOST_BANDS: f64 = 400.0;
 
 /// The bands before the rays are known.
-pub struct Asked {
+pub struct RequestedBands {
     bands: Bands,
     may_grow: bool,
 }
@@ -22,13 +22,13 @@ pub struct Asked {
 ///
 /// # Errors
 /// `options.band_edges`.
-pub fn asked(options: &RaysOptions) -> Result<Asked, Error> {
+pub fn asked(options: &RaysOptions) -> Result<RequestedBands, Error> {
     if let Some(bands) = options.bands()? {
-        return Ok(Asked { bands, may_grow: false });
+        return Ok(RequestedBands { bands, may_grow: false });
     }
     let (low, high, step) = DEFAULT_NM;
     let bands = Bands::regular(low, high, step).ok_or_else(|| bad_bands("There are no default bands.".to_owned()))?;
-    Ok(Asked { bands, may_grow: true })
+    Ok(RequestedBands { bands, may_grow: true })
 }
 
 /// The wavelengths of a channel whose rays were read.
@@ -37,7 +37,7 @@ pub struct ChannelSpectrum<'a> {
     pub range_nm: Option<(f64, f64)>,
     /// Its spectral tables.
     pub tables: &'a [Table],
-    /// How many rays lie outside [`Asked::bands`], and the index of the first.
+    /// How many rays lie outside [`RequestedBands::bands`], and the index of the first.
     pub outside: (u64, Option<u64>),
 }
 
@@ -48,7 +48,7 @@ pub enum Reach {
     Nothing,
     /// From the first to the second, nm.
     Range(f64, f64),
-    /// Those of its rays, which nobody has looked at.
+    /// Those of its rays, which have not been read yet.
     Unknown,
 }
 
@@ -61,7 +61,7 @@ impl Reach {
     }
 }
 
-/// From where to where the default bands go for light of `low..high`, nm; `None` where they do not follow it.
+/// Range of the default bands when they are widened to hold `low..high`, nm; `None` where that is too wide.
 fn widened(low: f64, high: f64) -> Option<(f64, f64)> {
     let (from, to, step) = DEFAULT_NM;
     let (from, to) = (from.min((low / step).floor() * step), to.max((high / step).ceil() * step));
@@ -83,13 +83,13 @@ pub fn most(options: &RaysOptions, reaches: &[Reach]) -> f64 {
     (to - from) / step
 }
 
-impl Asked {
+impl RequestedBands {
     /// The bands as asked for.
     pub fn bands(&self) -> &Bands {
         &self.bands
     }
 
-    /// The bands as asked for, for good.
+    /// The bands as asked for; ends the request.
     pub fn into_bands(self) -> Bands {
         self.bands
     }

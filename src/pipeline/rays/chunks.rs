@@ -5,7 +5,8 @@ use crate::vocabulary::watch::StageWatch;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Chunks whose answers may wait for each other. Fixed, so that memory does not depend on the number of threads either.
+/// Chunks of one wave: their results are held until all of them are done, and then merged in order. Constant, so that the memory,
+/// like the result, does not depend on the number of threads.
 const WAVE_CHUNKS: u64 = 64;
 
 /// `work` on chunks `0..count` on the ambient pool; `merge` gets the answers strictly in chunk order, so the result is the
@@ -13,7 +14,7 @@ const WAVE_CHUNKS: u64 = 64;
 /// read as it comes. Each thread's `scratch` is made once per wave and handed from chunk to chunk.
 ///
 /// # Errors
-/// [`Error::Cancelled`] within one chunk of the watcher's word; otherwise the error of the first chunk, in order, that failed.
+/// [`Error::Cancelled`] at most one chunk after the caller cancels; otherwise the error of the first chunk, in order, that failed.
 pub fn in_order<S, T: Send, A>(
     count: u64,
     watch: StageWatch<'_>,

@@ -69,7 +69,7 @@ impl Survey {
     }
 }
 
-/// A survey with what only the reading itself needs to know.
+/// A survey, and the counts by which the file is judged. Scale 1: before a declared total or that of the header is applied.
 #[derive(Clone, Debug)]
 pub struct Reading {
     /// What was found. The direction cube holds flux at scale 1.
@@ -100,7 +100,7 @@ pub trait RayVisitor: Send {
     fn merge(&mut self, later: Self);
 }
 
-/// Reads and checks every ray of `set` once, without a judgement, with a visitor made by `fresh` for each chunk; `radiant`
+/// Reads and checks every ray of `set` once, without rejecting the file (see [`Reading::judge`]), with a visitor made by `fresh` for each chunk; `radiant`
 /// chooses the quantity that weights places and directions.
 ///
 /// # Errors
@@ -238,7 +238,7 @@ impl Reading {
         self.moment += later.moment;
     }
 
-    /// Is this still a ray file?
+    /// Rejects a file without rays, with too many refused rays, or without a usable one.
     ///
     /// # Errors
     /// No rays, too many refused, none usable.

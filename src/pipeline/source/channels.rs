@@ -13,9 +13,10 @@ use crate::vocabulary::spectrum::Table;
 use crate::vocabulary::units::{Flux, LengthUnit};
 use serde::Deserialize;
 
-/// Shares may miss 1 by this much: data sheets round, but to more digits than this forgives.
+/// Largest difference of the sum of the shares from 1: rounding of the numbers only. Shares that a data sheet has rounded must be
+/// corrected.
 const SHARE_TOLERANCE: f64 = 1e-6;
-/// A line that everybody sees: stands for a spectrum that is known to be there but not at hand.
+/// A visible wavelength, nm: stands for a spectrum that the file is known to have and that is not loaded.
 const VISIBLE_NM: f64 = 555.0;
 
 /// One ray set that is to be a channel.

@@ -15,7 +15,7 @@ pub struct Limits {
     pub max_text_bytes: usize,
     /// Most cells of the hull's lattice; 4 bytes each.
     pub max_lattice_cells: usize,
-    /// Most numbers in one table of sums (vertices or cells × quantities and spectral columns); 8 bytes each, twice for a while.
+    /// Most numbers in one table of sums (vertices or cells × quantities and spectral columns); 8 bytes each; there are two copies for a short time.
     pub max_tally_values: usize,
     /// Largest share of rays that may be refused before the whole set is.
     pub max_refused_share: f64,

@@ -1,4 +1,4 @@
-//! Progress out, cancellation in: the only thread between the computation and who waits for it.
+//! Progress out, cancellation in: the only channel between a computation and its caller.
 
 use crate::error::Error;
 use serde::Serialize;

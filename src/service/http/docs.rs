@@ -78,7 +78,7 @@ fn file_or_not(
     Ok(response)
 }
 
-/// A person at the front authenticator is shown the interface, until there is a portal.
+/// Redirects `/` to the documentation, until there is a portal.
 pub async fn front() -> Redirect {
     Redirect::temporary(&link("/docs/"))
 }

@@ -167,7 +167,7 @@ pub async fn events(
     let mut response = Sse::new(telling.stream()).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)).into_response();
     let headers = response.headers_mut();
     headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
-    // Proxies of nginx' kind collect an answer before they pass it on, unless headers.
+    // Proxies of nginx' kind collect an answer before they pass it on, unless this header forbids it.
     headers.insert(HeaderName::from_static("x-accel-buffering"), HeaderValue::from_static("no"));
     Ok(response)
 }

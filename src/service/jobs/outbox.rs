@@ -31,11 +31,11 @@ const ANNOUNCED_ONE: &str = "UPDATE jobs SET announced = 1 WHERE announced = 0 A
 /// sends the messages.
 pub async fn keep_up(records: Records, dispatcher: Dispatcher, mut changes: watch::Receiver<()>, poll: Duration) {
     loop {
-        match announce_all(&records).await {
-            Ok(0) => {}
-            Ok(_) => dispatcher.wake(),
-            Err(error) => tracing::warn!(%error, "cannot announce jobs that have ended; trying again later"),
+        if let Err(error) = announce_all(&records).await {
+            tracing::warn!(%error, "cannot announce jobs that have ended; the service tries again later");
         }
+        // Also when nothing was left to announce: a job that was deleted is announced by the transaction that deletes it.
+        dispatcher.wake();
         sleep(GAP).await;
         tokio::select! {
             _ = changes.changed() => {}
@@ -44,14 +44,9 @@ pub async fn keep_up(records: Records, dispatcher: Dispatcher, mut changes: watc
     }
 }
 
-async fn announce_all(records: &Records) -> Result<usize, Error> {
-    let mut all = 0;
-    loop {
-        match announce(records).await? {
-            0 => return Ok(all),
-            count => all += count,
-        }
-    }
+async fn announce_all(records: &Records) -> Result<(), Error> {
+    while announce(records).await? > 0 {}
+    Ok(())
 }
 
 /// Announces jobs that have ended; how many. Right in any number of processes at once.

@@ -253,7 +253,7 @@ fn sentence(error: &reqwest::Error) -> String {
 fn particular(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
     let io = error.downcast_ref::<io::Error>();
     let wrapped = io.and_then(io::Error::get_ref).and_then(|inner| particular(inner));
-    wrapped.or_else(|| tls::words(error)).or_else(|| spoken(io?.kind()))
+    wrapped.or_else(|| tls::describe(error)).or_else(|| spoken(io?.kind()))
 }
 
 /// What became of a connection.

@@ -9,7 +9,7 @@ pub mod extent;
 mod buffers;
 /// A file that is still coming, read as if it were whole.
 mod arriving;
-/// What the rays of a file say.
+/// Inspects files, while they come or when they are stored.
 mod inspecting;
 /// Cutting a stream of bytes into stored parts.
 pub mod spool;

@@ -10,7 +10,7 @@ use std::time::Duration;
 use tokio::sync::oneshot;
 use tokio::time::timeout;
 
-/// Longest read. All who ask wait for it, so a connection that was lost without a word must not hold them up.
+/// Longest read. All readers wait for it, so a connection that was lost silently must not hold them up.
 const LONGEST: Duration = Duration::from_secs(10);
 
 /// Reads what is known of some keys; what is not there is left out.
@@ -71,12 +71,12 @@ impl<V> Shared<V> {
     }
 
     fn waiting(&self) -> MutexGuard<'_, Waiting<V>> {
-        // Nothing is left half done in there.
+        // The state is consistent even after a panic.
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// The task that answers; when it is lost, the waiting reads fail and the next one starts another task.
+/// The task that answers; when it is dropped, the waiting reads fail and the next one starts another task.
 struct Answering<V> {
     shared: Arc<Shared<V>>,
     is_done: bool,
@@ -107,11 +107,11 @@ async fn answer<V: Clone>(mut task: Answering<V>) {
         let found = timeout(LONGEST, (task.shared.read)(keys.into_iter().collect())).await;
         let found = found.unwrap_or_else(|_| Err(Error::Records("the database did not answer in time".into())));
         if found.is_err() {
-            // Who came meanwhile does not wait for a second failure: that the database is away is true for them too.
+            // Reads that were requested meanwhile fail with it: the database is away for them too.
             askers.append(&mut task.shared.waiting().askers);
         }
         for (key, sender) in askers {
-            // Whoever has gone does not hear it.
+            // The reader may have gone.
             let _ = sender.send(match &found {
                 Ok(found) => Ok(found.get(&key).cloned()),
                 Err(error) => Err(Error::Records(error.to_string().into())),

@@ -5,7 +5,7 @@
 #[cfg(feature = "otlp")]
 mod traces;
 /// Text from others, for a person.
-pub mod visible;
+mod visible;
 
 pub use visible::visible;
 

@@ -140,7 +140,7 @@ impl Uploads {
 }
 
 /// One request that appends to an upload.
-pub struct Writing<'a> {
+struct Writing<'a> {
     uploads: &'a Uploads,
     tenant: &'a str,
     upload: &'a Upload,

@@ -36,7 +36,7 @@ const MIGRATIONS: [(i64, &str, &str); 13] = [
     (14, "owner", include_str!("../migrations/0014_owner.sql")),
 ];
 
-/// PRAGMAs belong to the connection, not to the file.
+/// The dialect of SQLite. Its PRAGMAs are set per connection, because they do not belong to the file.
 static SQLITE: Dialect = Dialect {
     now: "CAST(unixepoch('subsec') * 1000 AS BIGINT)",
     skip_locked: "",
@@ -44,7 +44,7 @@ static SQLITE: Dialect = Dialect {
     texts: ("SELECT value FROM json_each(", ")"),
     connection: "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON; \
                  PRAGMA busy_timeout = 10000;",
-    // Waits for whoever writes from another process here, where it can: a transaction that has read before cannot.
+    // Waits for the write lock of another process at the beginning; a transaction that reads first would fail instead of waiting.
     begin: "BEGIN IMMEDIATE",
     can_drop: false,
     acquire: Duration::from_secs(30),
@@ -69,7 +69,7 @@ const KNOWN: &str = "Write sqlite:FILE or postgres://USER:PASSWORD@HOST/NAME, in
 const SQLITE_READERS: u32 = 4;
 /// Connections of one process to PostgreSQL, which has 100 by default for all of them.
 const POSTGRES_CONNECTIONS: u32 = 12;
-/// How long the connection of PostgreSQL stays open that only [`Records::prove`] uses.
+/// Idle time after which the connection to PostgreSQL that only [`Records::prove`] uses is closed.
 const WITNESS_IDLE: Duration = Duration::from_mins(2);
 /// How long a starting process waits for PostgreSQL to start too, and for another's migration to end.
 const POSTGRES_START: Duration = Duration::from_secs(60);
@@ -81,7 +81,7 @@ pub struct Records {
     dialect: &'static Dialect,
     writer: AnyPool,
     readers: AnyPool,
-    /// Connections that are never the writer's.
+    /// Connections that never write, for [`Records::prove`].
     witness: AnyPool,
 }
 
@@ -177,18 +177,19 @@ impl Records {
     }
 }
 
-/// Connections of which each knows its dialect's rules. One that the database dropped is replaced when it is next asked for.
+/// A pool whose connections run the set-up statements of their dialect. A connection that the database dropped is replaced when it
+/// is next asked for.
 fn pool(dialect: &'static Dialect, connections: u32) -> AnyPoolOptions {
     let options = AnyPoolOptions::new().max_connections(connections).acquire_timeout(dialect.acquire);
-    // A file does not end its connections. While one is open the others find its shared memory made, also on a full disk.
+    // SQLite never drops a connection, so they stay open: its -shm file exists then, and works on a full disk too.
     let options = if dialect.can_drop { options } else { options.idle_timeout(None).max_lifetime(None) };
     options.test_before_acquire(dialect.can_drop).after_connect(move |connection, _| {
         Box::pin(async move { connection.execute(dialect.connection).await.map(|_| ()) })
     })
 }
 
-/// Opens a file once, outside of the pool, which tries a file that is no database again until its time is over. One of another
-/// program is left as it is.
+/// Opens a file once, outside of the pool, which would try a file that is no database again until its time is over. A database of
+/// another program is not touched.
 async fn examine(url: &str) -> Result<(), Error> {
     let Some(file) = database_url::path(url) else { return Ok(()) };
     let tables =
