@@ -234,7 +234,10 @@ pub async fn cancel(State(api): State<Api>, access: Access, Path(id): Path<Strin
 
 /// The job `id` of the tenant of the request, or 404.
 pub async fn find(api: &Api, access: &Access, id: &str) -> Result<query::Job, Problem> {
-    query::get(&api.storage.records, &access.tenant, id).await?.ok_or_else(|| Problem::no_job(id))
+    let job = query::get(&api.storage.records, &access.tenant, id).await?.ok_or_else(|| Problem::no_job(id))?;
+    // The cache must not answer with less than the client of this request is about to learn.
+    api.queue.recent().correct(&access.tenant, &job);
+    Ok(job)
 }
 
 async fn accepted(api: &Api, access: &Access, id: &str) -> Result<Response, Problem> {

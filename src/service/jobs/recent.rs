@@ -173,6 +173,17 @@ impl Recent {
         self.0.entries().jobs.remove(&key(tenant, id));
     }
 
+    /// Removes a job of `tenant` from the cache where that has something else than `job`, which was read from the database now, or
+    /// where a read is under way, which may have begun earlier.
+    pub fn correct(&self, tenant: &str, job: &Job) {
+        let (key, stamp) = (key(tenant, &job.id), Stamp::from(job));
+        let mut entries = self.0.entries();
+        let is_same = |entry: &Entry| entry.known.as_ref().is_some_and(|known| Stamp::from(&known.job) == stamp);
+        if entries.jobs.peek(&key).is_some_and(|entry| !is_same(entry)) {
+            entries.jobs.remove(&key);
+        }
+    }
+
     /// Removes all queued jobs of `tenant` from the cache, because this process has changed which of them are queued, or their
     /// order, and so their positions.
     pub fn invalidate_waiting(&self, tenant: &str) {
@@ -197,12 +208,16 @@ impl Recent {
         entries.jobs.iter().filter(|(_, entry)| entry.known.is_some()).map(|(_, entry)| entry.id.clone()).collect()
     }
 
-    /// Forgets what is not as the database had it when it was read: `stamps` of the jobs called `ids`, asked for at `begun` or
+    /// Removes from the cache what differs from the database, by `stamps` of the jobs called `ids` that were read at `begun` or
     /// later.
     pub(super) fn compare(&self, begun: Instant, ids: &[String], stamps: &HashMap<String, Stamp>) {
         let asked: HashSet<&str> = ids.iter().map(String::as_str).collect();
         self.0.entries().jobs.retain(|_, entry| {
-            let Some(known) = entry.known.as_ref().filter(|_| asked.contains(entry.id.as_str())) else { return true };
+            if !asked.contains(entry.id.as_str()) {
+                return true;
+            }
+            // A read that is under way may have begun before the change that these stamps show: its result is not kept.
+            let Some(known) = &entry.known else { return false };
             // What was read after this look began may be newer; it is read once more.
             let is_true = stamps.get(&entry.id).is_some_and(|stamp| *stamp == Stamp::from(&known.job));
             entry.seen = entry.seen.max(begun);
@@ -347,6 +362,28 @@ mod tests {
             assert!(!is_kept(&recent, "a", "j"), "it may have been read before the change");
         }
         assert!(!is_kept(&recent, "b", "runs"), "all are forgotten");
+    }
+
+    /// Whoever hears of the change by that look and asks at once must not be answered with what was before it.
+    #[tokio::test]
+    async fn a_look_forgets_a_read_that_may_have_begun_before_what_it_saw() {
+        let folder = tempfile::tempdir().unwrap();
+        let recent = recent(&folder).await;
+        let number = recent.0.entries().begin("a j", "a", "j");
+        let stamps = HashMap::from([("j".to_owned(), Stamp::from(&known(State::Succeeded).job))]);
+        recent.compare(Instant::now(), &["j".to_owned()], &stamps);
+        recent.0.entries().end("a j", number, Instant::now(), Some(&known(State::Running)));
+        assert!(!is_kept(&recent, "a", "j"));
+
+        let number = recent.0.entries().begin("a j", "a", "j");
+        recent.correct("a", &known(State::Succeeded).job);
+        recent.0.entries().end("a j", number, Instant::now(), Some(&known(State::Running)));
+        assert!(!is_kept(&recent, "a", "j"));
+        keep(&recent, "a", "j", State::Running);
+        recent.correct("a", &known(State::Running).job);
+        assert!(is_kept(&recent, "a", "j"), "the same");
+        recent.correct("a", &known(State::Succeeded).job);
+        assert!(!is_kept(&recent, "a", "j"));
     }
 
     #[tokio::test]
