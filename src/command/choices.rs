@@ -72,13 +72,13 @@ impl Field {
         }
         let kind = self.kind.clone();
         let parser = StringValueParser::new().try_map(move |text| kind.parse(&text));
-        let placeholder = match &self.kind {
+        let value_name = match &self.kind {
             Kind::Whole | Kind::Number => self.name.rsplit('_').next().unwrap_or_default().to_uppercase(),
             Kind::Word(words) => words.join("|"),
             Kind::Pair(a, b) => format!("{}x{}", a.to_uppercase(), b.to_uppercase()),
             Kind::List | Kind::Switch => "FIRST:LAST:STEP".to_owned(),
         };
-        argument.value_name(placeholder).help(self.help.clone()).allow_hyphen_values(true).value_parser(parser)
+        argument.value_name(value_name).help(self.help.clone()).allow_hyphen_values(true).value_parser(parser)
     }
 }
 

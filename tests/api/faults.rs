@@ -9,7 +9,7 @@ use service::{Config, Service, StartError};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
-use support::runners::{Gate, failing, held, panicking, prompt, stubborn};
+use support::runners::{Gate, failing, held, panicking, prompt, uncancellable};
 use support::site::Site;
 
 #[tokio::test(flavor = "multi_thread")]
@@ -63,7 +63,7 @@ async fn a_job_that_kills_its_worker_stops_after_its_attempts() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_job_cancelled_before_the_kill_stays_cancelled() {
     let gate = Gate::new();
-    let mut site = Site::start(stubborn(&gate)).await;
+    let mut site = Site::start(uncancellable(&gate)).await;
     let ray_set = site.ray_set().await;
     let job = site.job(&ray_set).await;
     site.until_state(&job, "running").await;
@@ -123,7 +123,7 @@ async fn garbage_is_what_no_row_names_nobody_writes_and_no_attempt_may_publish()
 #[tokio::test(flavor = "multi_thread")]
 async fn a_worker_that_lost_its_lease_publishes_nothing() {
     let gate = Gate::new();
-    let site = Site::start(stubborn(&gate)).await;
+    let site = Site::start(uncancellable(&gate)).await;
     let ray_set = site.ray_set().await;
     let job = site.job(&ray_set).await;
     site.until_state(&job, "running").await;

@@ -11,7 +11,7 @@ use service::metrics::Metrics;
 use service::ray_sets::rows;
 use service::storage::records::statement::sql;
 use std::time::{Duration, Instant};
-use support::runners::{Gate, held, prompt, stubborn};
+use support::runners::{Gate, held, prompt, uncancellable};
 use support::site::{Site, known, stores};
 
 #[tokio::test(flavor = "multi_thread")]
@@ -86,7 +86,7 @@ async fn a_running_job_is_cancelled_long_before_its_lease_ends() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_cancelled_job_gives_nothing_even_if_it_came_to_its_end() {
     let gate = Gate::new();
-    let site = Site::start(stubborn(&gate)).await;
+    let site = Site::start(uncancellable(&gate)).await;
     let ray_set = site.ray_set().await;
     let job = site.job(&ray_set).await;
     site.until_state(&job, "running").await;

@@ -5,7 +5,7 @@ use service::Config;
 use service::ray_sets::pace::Slowest;
 use service::storage::records::statement::sql;
 use std::time::{Duration, Instant};
-use support::runners::{Gate, burning, held, prompt, stubborn};
+use support::runners::{Gate, burning, held, prompt, uncancellable};
 use support::site::{PATIENCE, Site};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
@@ -151,7 +151,7 @@ async fn a_job_that_ends_within_the_grace_is_published() {
 async fn it_stops_even_if_a_job_does_not_listen() {
     let gate = Gate::new();
     let patient = |config: Config| Config { grace: Duration::from_secs(4), ..config };
-    let mut site = Site::start_as(patient, stubborn(&gate)).await;
+    let mut site = Site::start_as(patient, uncancellable(&gate)).await;
     let ray_set = site.ray_set().await;
     let job = site.job(&ray_set).await;
     site.until_state(&job, "running").await;

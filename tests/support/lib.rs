@@ -15,7 +15,7 @@ pub mod packing;
 pub mod rays;
 /// Somebody else's endpoint on loopback: hears what is posted, and answers as it is told.
 pub mod receiver;
-/// Runners that stand in for the pipeline: prompt, held, stubborn, panicking, failing.
+/// Runners that stand in for the pipeline: prompt, held, uncancellable, panicking, failing.
 pub mod runners;
 /// A service on a folder of its own, and a client that checks every response.
 pub mod site;

@@ -1,4 +1,4 @@
-//! Runners that stand in for the pipeline: prompt, held, stubborn, panicking, failing.
+//! Runners that stand in for the pipeline: prompt, held, uncancellable, panicking, failing.
 
 use pipeline::{Artifact, Error, Input, Stage};
 use service::jobs::ZIP;
@@ -99,7 +99,7 @@ pub fn held(gate: &Arc<Gate>) -> Runner {
 }
 
 /// As [`held`], but does not look whether anybody wants it.
-pub fn stubborn(gate: &Arc<Gate>) -> Runner {
+pub fn uncancellable(gate: &Arc<Gate>) -> Runner {
     let gate = Arc::clone(gate);
     Arc::new(move |inputs, _, _, _| {
         gate.begun.fetch_add(1, Ordering::SeqCst);
