@@ -170,11 +170,15 @@ fn flux_rows(table: &mut Table, model: &Model) {
 
 fn zone_rows(table: &mut Table, model: &Model) {
     let goniograms = &model.goniograms;
-    let (lattice, frame) = (&goniograms.lattice, &goniograms.frame);
+    let frame = &goniograms.frame;
     let lit = goniograms.zones.len();
     let rays = goniograms.zones.iter().map(|zone| zone.goniogram.rays);
     let (fewest, most) = rays.fold((f64::INFINITY, 0.0_f64), |(low, high), rays| (low.min(rays), high.max(rays)));
-    table.row("zones", ["lattice".into(), format!("{} x {}, {lit} lit", lattice.columns, lattice.rows)]);
+    let layout = match &goniograms.lattice {
+        Some(lattice) => format!("{} x {} lattice, {lit} lit", lattice.columns, lattice.rows),
+        None => format!("{lit} along the surface"),
+    };
+    table.row("zones", ["layout".into(), layout]);
     table.row("zones", ["frame".into(), format!("gamma 0 at {}, C0 at {}", frame.nadir.name(), frame.c0.name())]);
     if lit > 0 {
         let [fewest, most] = [fewest, most].map(|rays| count(rays.round() as u64));

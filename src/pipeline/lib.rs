@@ -25,6 +25,8 @@ pub mod source;
 pub mod convert;
 /// 2. Rays to a surface.
 pub mod hull;
+/// Smoothing as far as the rays do not support what was counted.
+mod smoothing;
 /// 3. Rays onto the surface.
 pub mod flux;
 /// 4. Flux to angles.

@@ -71,7 +71,7 @@ pub struct HullOptions {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct FluxOptions {
-    /// Whether the exitance is smoothed (Shepard). Default: true.
+    /// Whether the exitance is smoothed, as far as the rays do not support what was counted. Default: true.
     pub smoothing: Option<bool>,
 }
 
@@ -79,19 +79,22 @@ pub struct FluxOptions {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct GoniogramOptions {
-    /// The lattice of zones. Default: follows from the density of the rays, at most 16 zones.
+    /// Where zones lie. Default: auto; paper where zones are given, and without smoothing.
+    pub zoning: Option<ZoneLayout>,
+    /// The lattice of zones. Default: none where zones follow the surface; for paper, as many as the density of the rays allows, at
+    /// most 16.
     pub zones: Option<Zones>,
     /// The source axis that points to γ = 0. Default: the axis nearest to the direction of maximum intensity.
     pub nadir_axis: Option<Axis>,
     /// The source axis that points to C0; must not be parallel to `nadir_axis`. Default: the next axis in cyclic order.
     pub c0_axis: Option<Axis>,
-    /// Step of the γ angle, degrees; must divide 180. Default: follows from the beam width.
+    /// Step of the γ angle, degrees; must divide 180. Default: follows from the beam width, at most 2.5.
     #[schemars(range(min = *GAMMA_STEP_DEG.start(), max = *GAMMA_STEP_DEG.end()))]
     pub gamma_step_deg: Option<f64>,
-    /// Step of the C angle, degrees; must divide 360. Default: 10.
+    /// Step of the C angle, degrees; must divide 360. Default: 5.
     #[schemars(range(min = *C_STEP_DEG.start(), max = *C_STEP_DEG.end()))]
     pub c_step_deg: Option<f64>,
-    /// Whether the intensities are smoothed on the angular grid. Default: true.
+    /// Whether the intensities are smoothed, as far as the rays do not support what was counted. Default: true.
     pub smoothing: Option<bool>,
 }
 
@@ -103,6 +106,17 @@ pub struct ArtifactsOptions {
     pub spectra: Option<Spectra>,
     /// Edition of the IES files. Default: LM-63-2002.
     pub ies_edition: Option<IesEdition>,
+}
+
+/// Where zones lie.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ZoneLayout {
+    /// Along the surface: its faces, areas of one spectrum, and parts of them with their share of the rays.
+    #[default]
+    Auto,
+    /// A regular lattice in the plane across γ = 0: the paper's form.
+    Paper,
 }
 
 /// A regular lattice of zones.
@@ -170,6 +184,8 @@ impl Options {
         let mut all = self.clone();
         all.hull.emission.get_or_insert_default();
         all.flux.smoothing.get_or_insert(true);
+        let paper = all.goniogram.zones.is_some() || !all.goniogram.smooths();
+        all.goniogram.zoning.get_or_insert(if paper { ZoneLayout::Paper } else { ZoneLayout::Auto });
         all.goniogram.smoothing.get_or_insert(true);
         all.artifacts.spectra.get_or_insert_default();
         all.artifacts.ies_edition.get_or_insert_default();

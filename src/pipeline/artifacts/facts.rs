@@ -73,11 +73,11 @@ pub struct LatticeFacts {
 }
 
 impl LatticeFacts {
-    /// Of a model.
-    pub fn new(model: &Model) -> LatticeFacts {
-        let lattice = &model.goniograms.lattice;
+    /// Of a model; `None` where zones follow the surface.
+    pub fn new(model: &Model) -> Option<LatticeFacts> {
+        let lattice = model.goniograms.lattice.as_ref()?;
         let (columns, rows) = (lattice.columns, lattice.rows);
-        LatticeFacts { columns, rows, min_mm: lattice.min_mm.map(sum), max_mm: lattice.max_mm.map(sum) }
+        Some(LatticeFacts { columns, rows, min_mm: lattice.min_mm.map(sum), max_mm: lattice.max_mm.map(sum) })
     }
 }
 

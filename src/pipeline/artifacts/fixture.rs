@@ -3,7 +3,9 @@
 
 use crate::flux::balance::{Balance, Share};
 use crate::flux::{Amounts, Surface};
+use crate::goniogram::Mixture;
 use crate::goniogram::intensity::Quality;
+use crate::goniogram::zone::Place;
 use crate::goniogram::{Goniogram, Goniograms, Lattice, SphereGrid, Zone};
 use crate::hull::{Hull, Label};
 use crate::model::Model;
@@ -68,8 +70,17 @@ fn assemble(grid: SphereGrid, cells: &[f64]) -> Model {
     }
     let lattice = Lattice { frame, columns: 2, rows: 1, min_mm: [-1.0, -0.5], max_mm: [1.0, 0.5] };
     let flux = surface.vertices.total();
-    let goniograms =
-        Goniograms { frame, lattice, grid, spectral_grid, zones, zone_of_vertex, total, notices: Notices::default() };
+    let goniograms = Goniograms {
+        frame,
+        lattice: Some(lattice),
+        grid,
+        spectral_grid,
+        zones,
+        mixtures: zone_of_vertex.iter().map(|zone| Mixture::hard(*zone)).collect(),
+        zone_of_vertex,
+        total,
+        notices: Notices::default(),
+    };
     Model { origins: vec![origin(flux)], flux, spectral, hull, surface, goniograms, notices: Vec::new() }
 }
 
@@ -118,6 +129,8 @@ fn rectangle() -> Hull {
         triangles,
         labels,
         part_of_vertex: vec![0; ROWS * COLUMNS],
+        face_of_vertex: vec![0; ROWS * COLUMNS],
+        place_of_vertex: (0..(ROWS * COLUMNS) as u32).collect(),
         cell_mm: DVec3::new(0.25, 0.25, 1e-6),
         resolution: 8,
         max_edge_mm: 0.5,
@@ -151,7 +164,8 @@ fn surface(hull: &Hull, zone_of_vertex: &[u32]) -> Surface {
         on_vertices: flux,
         after_smoothing: flux,
     };
-    Surface { triangles, vertices, balance, notices: Notices::default() }
+    let ray = Flux { radiant_w: Some(1e-3), luminous_lm: Some(1e-1) };
+    Surface { triangles, vertices, ray, balance, notices: Notices::default() }
 }
 
 fn amounts(areas: &[f64], per_mm2: f64, shares: impl Fn(usize) -> [f64; 3], columns: usize) -> Amounts {
@@ -189,8 +203,7 @@ fn zone(
     let bounds_mm = Bounds::of(own.iter().map(|vertex| hull.vertices_mm[*vertex]));
     Zone {
         id,
-        row: 0,
-        column: id as usize,
+        place: Some(Place { row: 0, column: id as usize }),
         bounds_mm,
         centroid_mm: bounds_mm.center(),
         area_mm2: own.iter().map(|vertex| hull.vertex_areas_mm2()[*vertex]).sum(),

@@ -17,7 +17,7 @@ use serde::Serialize;
 /// Name in the zip.
 pub const NAME: &str = "goniograms.json";
 /// What the document calls its schema.
-const URN: &str = "urn:lampwright:goniograms:1";
+const URN: &str = "urn:lampwright:goniograms:2";
 const FORMAT: &str = "emitter-goniograms";
 const CELLS: &str =
     "node-centred: a node's cell reaches halfway to its neighbours; the pole cells are caps shared by all C";
@@ -36,7 +36,7 @@ pub fn artifact(model: &Model, options: &RunOptions) -> Result<Artifact, Error> 
     let document = Document {
         schema: URN,
         format: FORMAT,
-        version: "1.0",
+        version: "2.0",
         generator: GENERATOR,
         source: SourceFacts::new(model),
         frame: FrameFacts::new(&goniograms.frame),
@@ -44,11 +44,17 @@ pub fn artifact(model: &Model, options: &RunOptions) -> Result<Artifact, Error> 
         grid: Grid::new(&goniograms.grid),
         spectrum: model.spectral.has_bands().then(|| Spectrum::new(model)),
         observer: observer(&model.spectral.columns),
-        zones: goniograms.zones.iter().map(|zone| ZoneEntry::new(zone, model)).collect(),
-        total: Entry::new(&goniograms.total, model, ies::TOTAL.to_owned(), polar::TOTAL.to_owned()),
+        zones: zone_entries(model),
+        total: Entry::new(&goniograms.total, model, Some([ies::TOTAL.to_owned(), polar::TOTAL.to_owned()])),
         provenance: Provenance::new(model, options),
     };
     Ok(Artifact { name: NAME.to_owned(), media_type: "application/json", bytes: json::document(&document)? })
+}
+
+fn zone_entries(model: &Model) -> Vec<ZoneEntry<'_>> {
+    let with_files = model.goniograms.zones_with_files();
+    let entry = |zone| ZoneEntry::new(zone, model, with_files.contains(&zone.id));
+    model.goniograms.zones.iter().map(entry).collect()
 }
 
 /// How lumens came about.
@@ -74,7 +80,7 @@ pub(super) struct Document<'a> {
     #[schemars(extend("const" = FORMAT))]
     format: &'static str,
     /// Edition of the format; what readers compare is schema.
-    #[schemars(regex(pattern = r"^1\.[0-9]+$"))]
+    #[schemars(regex(pattern = r"^2\.[0-9]+$"))]
     version: &'static str,
     /// Who made it.
     generator: Generator,
@@ -83,7 +89,7 @@ pub(super) struct Document<'a> {
     /// The photometric frame that C and gamma are measured in.
     frame: FrameFacts,
     /// Where the zones lie.
-    lattice: LatticeFacts,
+    lattice: Option<LatticeFacts>,
     /// Where intensities are given.
     grid: Grid,
     /// The bands of every spectral number; left out where no spectrum is known.
@@ -185,12 +191,12 @@ impl Grid {
 /// A zone and its goniogram.
 #[derive(Serialize, JsonSchema)]
 struct ZoneEntry<'a> {
-    /// Its index in zones; the value of the glTF attribute _ZONE.
+    /// Its index in zones; what the glTF attribute _ZONES holds.
     id: u32,
-    /// Its row in the lattice, counted from 0 along photometric y.
-    row: usize,
-    /// Its column in the lattice, counted from 0 along photometric x.
-    column: usize,
+    /// Its row in the lattice, counted from 0 along photometric y; null where zones follow the surface.
+    row: Option<usize>,
+    /// Its column in the lattice, counted from 0 along photometric x; null where zones follow the surface.
+    column: Option<usize>,
     /// Box of its vertices.
     bounds_mm: Box3,
     /// Flux-weighted mean of its vertices, source frame, mm.
@@ -205,16 +211,17 @@ struct ZoneEntry<'a> {
 }
 
 impl<'a> ZoneEntry<'a> {
-    fn new(zone: &'a Zone, model: &'a Model) -> ZoneEntry<'a> {
+    fn new(zone: &'a Zone, model: &'a Model, has_files: bool) -> ZoneEntry<'a> {
+        let files = has_files.then(|| [ies::zone_name(zone), polar::zone_name(zone)]);
         ZoneEntry {
             id: zone.id,
-            row: zone.row,
-            column: zone.column,
+            row: zone.place.map(|place| place.row),
+            column: zone.place.map(|place| place.column),
             bounds_mm: Box3::new(&zone.bounds_mm),
             centroid_mm: zone.centroid_mm.to_array().map(sum),
             area_mm2: sum(zone.area_mm2),
             vertex_count: zone.vertex_count,
-            entry: Entry::new(&zone.goniogram, model, ies::zone_name(zone), polar::zone_name(zone)),
+            entry: Entry::new(&zone.goniogram, model, files),
         }
     }
 }
@@ -239,8 +246,10 @@ struct Entry<'a> {
     max_intensity: Option<MaxIntensity>,
     /// What the statistics allow to say.
     quality: QualityFacts,
-    /// Files of it in the zip.
-    files: Files,
+    /// Files of it in the zip; left out where there are too many zones for each to have some.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Files")]
+    files: Option<Files>,
     /// Spectral flux, W/nm, one number per band.
     #[serde(skip_serializing_if = "Option::is_none", rename = "spectral_flux_W_per_nm")]
     #[schemars(with = "Vec<f64>", inner(range(min = 0)))]
@@ -253,7 +262,7 @@ struct Entry<'a> {
     #[serde(skip_serializing_if = "Option::is_none", rename = "radiant_intensity_W_per_sr")]
     #[schemars(with = "Vec<Vec<f64>>", inner(inner(range(min = 0))))]
     radiant_intensity_w_per_sr: Option<Matrix<'a>>,
-    /// Intensity by band.
+    /// Intensity by band; left out where the light has one spectrum in all directions.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Dense")]
     spectral_intensity: Option<Dense<'a>>,
@@ -272,7 +281,7 @@ struct Files {
 }
 
 impl<'a> Entry<'a> {
-    fn new(goniogram: &'a Goniogram, model: &'a Model, ies: String, svg: String) -> Entry<'a> {
+    fn new(goniogram: &'a Goniogram, model: &'a Model, files: Option<[String; 2]>) -> Entry<'a> {
         let grid = &model.goniograms.grid;
         let matrix = |values: &'a Option<Vec<f64>>| values.as_ref().map(|values| Matrix(values, grid.gamma_nodes()));
         let has_bands = model.spectral.has_bands();
@@ -282,11 +291,11 @@ impl<'a> Entry<'a> {
             flux_lm: goniogram.flux.luminous_lm.map(sum),
             max_intensity: MaxIntensity::new(goniogram, grid),
             quality: QualityFacts::new(goniogram),
-            files: Files { ies: model.is_visible().then_some(ies), svg },
+            files: files.map(|[ies, svg]| Files { ies: model.is_visible().then_some(ies), svg }),
             spectral_flux_w_per_nm: has_bands.then(|| Numbers(&goniogram.spectral_flux_w_per_nm, ARRAY_DIGITS)),
             luminous_intensity_cd: matrix(&goniogram.luminous_cd),
             radiant_intensity_w_per_sr: matrix(&goniogram.radiant_w_per_sr),
-            spectral_intensity: has_bands.then(|| Dense::new(goniogram, model)),
+            spectral_intensity: (!goniogram.spectral_w_per_sr_nm.is_empty()).then(|| Dense::new(goniogram, model)),
         }
     }
 }

@@ -24,17 +24,18 @@ pub const TOTAL: &str = "ies/total.ies";
 
 /// Path of a zone's file.
 pub fn zone_name(zone: &Zone) -> String {
-    format!("ies/zone_{:02}_{:02}.ies", zone.row, zone.column)
+    format!("ies/{}.ies", zone.name())
 }
 
-/// `ies/total.ies` and one file for each zone; none where luminous intensity is unknown or the source
+/// `ies/total.ies` and one file for each zone that gets files; none where luminous intensity is unknown or the source
 /// is invisible, because LM-63 has no radiant unit.
 pub fn artifacts(model: &Model, options: &RunOptions) -> Vec<Artifact> {
     let goniograms = &model.goniograms;
     let count = goniograms.zones.len();
     let whole = (TOTAL.to_owned(), "whole source".to_owned(), &goniograms.total, model.hull.bounds_mm());
-    let zones = goniograms.zones.iter().map(|zone| {
-        let words = format!("zone {} of {count}, row {} column {}", zone.id + 1, zone.row, zone.column);
+    let with_files = goniograms.zones_with_files();
+    let zones = goniograms.zones.iter().filter(|zone| with_files.contains(&zone.id)).map(|zone| {
+        let words = format!("zone {} of {count}{}", zone.id + 1, zone.position());
         (zone_name(zone), words, &zone.goniogram, zone.bounds_mm)
     });
     std::iter::once(whole)

@@ -14,7 +14,7 @@ const MEANINGS: [(&str, &str); 8] = [
     ("ies/", "the same luminous intensities as IES LM-63, one file for each zone and one for the whole"),
     ("spectra.csv", "spectral flux of the whole source and of each zone, W/nm"),
     ("plots/polar", "polar curves"),
-    ("plots/zones", "the zone lattice coloured by flux"),
+    ("plots/zones", "where the zones lie"),
     ("plots/hull", "the surface, coloured by how its triangles came to be and by exitance"),
     ("report.json", "what was read, what was done, where every ray went, what to be careful about"),
 ];
@@ -41,12 +41,12 @@ pub fn artifact(model: &Model, notices: &[Notice], names: &[&str]) -> Artifact {
         format!("Rays     {used}"),
         format!("Surface  {} vertices, {} triangles", model.hull.vertices_mm.len(), model.hull.triangles.len()),
         format!("         box {} mm", size.join(" x ")),
-        format!(
-            "Zones    {} of a {} x {} lattice",
-            goniograms.zones.len(),
-            goniograms.lattice.columns,
-            goniograms.lattice.rows
-        ),
+        match &goniograms.lattice {
+            Some(lattice) => {
+                format!("Zones    {} of a {} x {} lattice", goniograms.zones.len(), lattice.columns, lattice.rows)
+            }
+            None => format!("Zones    {} along the surface", goniograms.zones.len()),
+        },
         String::new(),
         "Frame    the ray file's own axes, right-handed, mm".to_owned(),
         format!(

@@ -23,7 +23,7 @@ use serde::Serialize;
 /// Name in the zip.
 pub const NAME: &str = "report.json";
 /// What the document calls its schema.
-const URN: &str = "urn:lampwright:report:1";
+const URN: &str = "urn:lampwright:report:2";
 
 /// The report; `notices` are those of writing the other artifacts.
 ///
@@ -299,7 +299,7 @@ struct GoniogramFacts {
     /// The photometric frame.
     frame: FrameFacts,
     /// Where the zones lie.
-    lattice: LatticeFacts,
+    lattice: Option<LatticeFacts>,
     /// Grid of luminous and radiant intensities.
     grid: GridFacts,
     /// Grid of spectral intensities.
@@ -364,10 +364,10 @@ impl PartFacts {
 struct ZoneFacts {
     /// Its index in zones.
     id: u32,
-    /// Its row in the lattice, counted from 0 along photometric y.
-    row: usize,
-    /// Its column in the lattice, counted from 0 along photometric x.
-    column: usize,
+    /// Its row in the lattice, counted from 0 along photometric y; null where zones follow the surface.
+    row: Option<usize>,
+    /// Its column in the lattice, counted from 0 along photometric x; null where zones follow the surface.
+    column: Option<usize>,
     /// Area of the surface that its vertices stand for, mm2.
     #[schemars(range(min = 0))]
     area_mm2: f64,
@@ -378,7 +378,13 @@ struct ZoneFacts {
 impl ZoneFacts {
     fn new(zone: &Zone) -> ZoneFacts {
         let part = PartFacts::new(&zone.goniogram);
-        ZoneFacts { id: zone.id, row: zone.row, column: zone.column, area_mm2: sum(zone.area_mm2), part }
+        ZoneFacts {
+            id: zone.id,
+            row: zone.place.map(|place| place.row),
+            column: zone.place.map(|place| place.column),
+            area_mm2: sum(zone.area_mm2),
+            part,
+        }
     }
 }
 

@@ -12,7 +12,7 @@ pub fn artifact(model: &Model) -> Option<Artifact> {
     let goniograms = &model.goniograms;
     let mut text = "wavelength_nm,band_from_nm,band_to_nm,total_W_per_nm".to_owned();
     for zone in &goniograms.zones {
-        text.push_str(&format!(",zone_{:02}_{:02}_W_per_nm", zone.row, zone.column));
+        text.push_str(&format!(",{}_W_per_nm", zone.name()));
     }
     text.push_str("\r\n"); // RFC 4180
     let bands = &model.spectral.bands;

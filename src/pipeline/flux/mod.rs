@@ -6,8 +6,8 @@ mod bvh;
 pub mod project;
 /// Sums per site that do not depend on the number of threads.
 pub mod tally;
-/// Shepard smoothing that conserves.
-pub mod shepard;
+/// The exitance, smoothed.
+mod exitance;
 /// Flux in equals flux on the surface plus rejected.
 pub mod balance;
 
@@ -20,10 +20,10 @@ use crate::hull::{Cloud, Hull};
 use crate::source::Ray;
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notices;
+use crate::vocabulary::units::Flux;
 use crate::vocabulary::watch::StageWatch;
 use balance::Share;
 use project::{Fate, Projector};
-use shepard::{Reach, Site, Smoother};
 use tally::{Deposit, Quanta, Tally};
 
 /// Flux on the surface.
@@ -33,16 +33,14 @@ pub struct Surface {
     pub triangles: Amounts,
     /// ρ_l: flux per vertex, with its spectral columns [(2)], smoothed where asked; sites are vertices.
     pub vertices: Amounts,
+    /// Σ w² / Σ w of the rays, in each known quantity: what a typical ray carries.
+    pub ray: Flux,
     /// Where every ray and every watt went.
     pub balance: Balance,
     /// What happened on the way.
     pub notices: Notices,
 }
 
-/// Rays that a vertex's estimate is averaged over: 5 % noise is left.
-const SMOOTHING_RAYS: f64 = 300.0;
-/// Smoothing reaches at most this many lattice cells: noise is a matter of neighbours, form is not.
-const SMOOTHING_CELLS: f64 = 3.0;
 /// Share of rejected flux above which a user is told.
 const REJECTED_WORTH_A_NOTICE: f64 = 0.005;
 /// Sites of the tally of fates.
@@ -69,8 +67,11 @@ pub fn project(
     let fates = Tally::new(&quanta, FATES, false, limits)?;
     let lay = |rays: &[Ray]| {
         let mut met = [Deposit::default(); FATES];
+        let mut squares = [0.0; 2];
         for ray in rays {
             let deposit = quanta.deposit(ray);
+            squares[0] += ray.radiant_w * ray.radiant_w;
+            squares[1] += ray.luminous_lm * ray.luminous_lm;
             let Some(landing) = projector.land(ray) else {
                 met[REJECTED].gather(&deposit);
                 continue;
@@ -82,18 +83,28 @@ pub fn project(
             }
         }
         met.iter().enumerate().for_each(|(fate, sum)| fates.add(fate, sum));
-        Ok(())
+        Ok(squares)
     };
-    cloud.fold(watch.part(0.0, 0.9), (), lay, |(), ()| ())?;
+    let add = |sums: &mut [f64; 2], more: [f64; 2]| sums.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
+    let squares = cloud.fold(watch.part(0.0, 0.9), [0.0; 2], lay, add)?;
+    let ray = typical_ray(&cloud.source.flux, squares);
     let (triangles, mut vertices) = (triangles.amounts(), vertices.amounts());
     let mut balance = account(cloud, &fates.amounts(), &triangles, &vertices);
     if options.smooths() {
         watch.step(0.9)?;
-        let smoother = Smoother::new(&sites(hull, &vertices), reach(hull));
-        vertices.map(|amounts| smoother.apply(amounts));
+        exitance::smooth(hull, &mut vertices, &ray, &cloud.source.spectral);
     }
     balance.after_smoothing = vertices.total();
-    Ok(Surface { notices: notices(&balance), triangles, vertices, balance })
+    Ok(Surface { notices: notices(&balance), triangles, vertices, ray, balance })
+}
+
+/// What a typical ray carries, from the sums of squares of W and lm. Rounded, so that the order of the rays does not show.
+fn typical_ray(flux: &Flux, [radiant, luminous]: [f64; 2]) -> Flux {
+    let of = |total: Option<f64>, squares: f64| {
+        let ray = squares / total?;
+        Some(if ray.is_finite() { f64::from(ray as f32) } else { 0.0 })
+    };
+    Flux { radiant_w: of(flux.radiant_w, radiant), luminous_lm: of(flux.luminous_lm, luminous) }
 }
 
 /// Where everything went.
@@ -108,24 +119,6 @@ fn account(cloud: &Cloud<'_>, fates: &Amounts, triangles: &Amounts, vertices: &A
         on_vertices: vertices.total(),
         after_smoothing: vertices.total(),
     }
-}
-
-/// Vertices as sites of smoothing: exitance is flux per vertex area.
-fn sites(hull: &Hull, vertices: &Amounts) -> Vec<Site> {
-    let (areas_mm2, normals) = (hull.vertex_areas_mm2(), hull.vertex_normals());
-    (0..hull.vertices_mm.len())
-        .map(|vertex| Site {
-            at: hull.vertices_mm[vertex],
-            measure: areas_mm2[vertex],
-            rays: vertices.rays[vertex],
-            part: hull.part_of_vertex[vertex],
-            normal: normals[vertex],
-        })
-        .collect()
-}
-
-fn reach(hull: &Hull) -> Reach {
-    Reach { rays: SMOOTHING_RAYS, radius: SMOOTHING_CELLS * hull.cell_mm.max_element() }
 }
 
 fn notices(balance: &Balance) -> Notices {

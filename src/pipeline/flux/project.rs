@@ -181,6 +181,8 @@ mod tests {
         Hull {
             labels: vec![Label::Projected; triangles.len()],
             part_of_vertex: vec![0; vertices_mm.len()],
+            face_of_vertex: vec![0; vertices_mm.len()],
+            place_of_vertex: (0..vertices_mm.len() as u32).collect(),
             vertices_mm,
             triangles,
             cell_mm: DVec3::splat(0.1),

@@ -4,8 +4,12 @@
 pub mod orientation;
 /// The grid of directions: the one owner of the binning rule.
 pub mod sphere;
-/// The zone lattice and which point belongs where.
+/// Which vertices are alike: faces and spectra.
+mod kinds;
+/// Zones: which point belongs where.
 pub mod zone;
+/// Zones and weights of a vertex.
+pub mod mixture;
 /// Directions to intensities.
 pub mod intensity;
 /// How wide the beam is, which decides how fine its grid must be.
@@ -13,8 +17,9 @@ mod beam;
 /// Smoothing of the intensities over the grid of directions.
 mod smoothing;
 
-use crate::options::GoniogramOptions;
+use crate::options::{GoniogramOptions, ZoneLayout};
 pub use intensity::Goniogram;
+pub use mixture::Mixture;
 pub use sphere::SphereGrid;
 pub use zone::{Lattice, Zone};
 
@@ -29,27 +34,50 @@ use crate::vocabulary::notice::Notices;
 use crate::vocabulary::space::Frame;
 use crate::vocabulary::watch::StageWatch;
 use intensity::Grids;
+use mixture::Shares;
 use zone::Zoning;
+
+/// Most zones that follow the surface: their goniograms are less than 10 MB of text.
+const MOST_ZONES: usize = 256;
+/// Most zones that follow the surface and have files of their own.
+const MOST_FILES: usize = 16;
 
 /// Zones and their goniograms.
 #[derive(Clone, Debug)]
 pub struct Goniograms {
     /// The photometric frame.
     pub frame: Frame,
-    /// The zone lattice.
-    pub lattice: Lattice,
+    /// The zone lattice; `None` where zones follow the surface.
+    pub lattice: Option<Lattice>,
     /// Grid of the luminous and radiant intensities.
     pub grid: SphereGrid,
     /// Coarser grid of the spectral intensities.
     pub spectral_grid: SphereGrid,
-    /// Zones that hold light, ids 0.. in row-major lattice order; a zone's id is its index.
+    /// Zones that hold light; a zone's id is its index.
     pub zones: Vec<Zone>,
-    /// Zone id of each vertex of the hull (hard zones: one zone, weight 1).
+    /// The zone that each vertex of the hull lies in.
     pub zone_of_vertex: Vec<u32>,
+    /// Zones and weights of each vertex: what its light is mixed of.
+    pub mixtures: Vec<Mixture>,
     /// The whole source.
     pub total: Goniogram,
     /// What happened on the way.
     pub notices: Notices,
+}
+
+impl Goniograms {
+    /// The zones that get files of their own, ids in ascending order: all, or of many those of the largest flux.
+    pub fn zones_with_files(&self) -> Vec<u32> {
+        let mut zones: Vec<&Zone> = self.zones.iter().collect();
+        if self.lattice.is_none() && zones.len() > MOST_FILES {
+            let flux = |zone: &Zone| zone.goniogram.flux.primary();
+            zones.sort_by(|a, b| flux(b).total_cmp(&flux(a)).then(a.id.cmp(&b.id)));
+            zones.truncate(MOST_FILES);
+        }
+        let mut ids: Vec<u32> = zones.into_iter().map(|zone| zone.id).collect();
+        ids.sort_unstable();
+        ids
+    }
 }
 
 /// Makes the zones and measures a goniogram for each, and one for the whole source.
@@ -66,11 +94,36 @@ pub fn measure(
     watch: StageWatch<'_>,
 ) -> Result<Goniograms, Error> {
     let frame = orientation::frame(&cloud.source.survey.directions, options)?;
-    let zoning = Zoning::new(hull, surface, frame, options.zones.map(|zones| (zones.columns, zones.rows)));
-    let grids = Grids::new(&cloud.source.survey.directions, options);
+    let asked = options.zones.map(|zones| (zones.columns, zones.rows));
+    let mut zoning = match (asked, options.zoning.unwrap_or_default()) {
+        (None, ZoneLayout::Auto) if options.smooths() => Zoning::along(hull, surface, frame, MOST_ZONES),
+        _ => Zoning::on_lattice(hull, surface, frame, asked),
+    };
+    let bands = if cloud.source.spectral.has_bands() { cloud.source.spectral.bands.len() } else { 0 };
+    let grids = Grids::new(&cloud.source.survey.directions, options, zoning.zones.len(), bands);
     let (fine, spectral) = collect(cloud, hull, &zoning, &grids, limits, watch.part(0.0, 0.8))?;
-    let measured = grids.measured(&fine, &spectral, options.smooths(), watch.part(0.8, 1.0))?;
     let spectrum = &cloud.source.spectral;
+    let mut measured = grids.counted(&fine, &spectral);
+    if options.smooths() {
+        let normals = zoning.normals(hull, surface);
+        let mut estimates = grids.estimates(&measured, &normals, &zoning.kind_of_zone, &surface.ray);
+        watch.step(0.9)?;
+        let mut refined = std::mem::take(&mut estimates.zones);
+        if zoning.lattice.is_none() {
+            let zone_of_zone = zoning.merge(&estimates.even_kinds, hull, surface);
+            measured = intensity::merged(measured, &zone_of_zone);
+            let merged = |zone: usize| {
+                let kind = zoning.kind_of_zone[zone] as usize;
+                let own = zone_of_zone.iter().position(|new| *new as usize == zone).unwrap_or(zone);
+                std::mem::take(if estimates.even_kinds[kind] { &mut estimates.kinds[kind] } else { &mut refined[own] })
+            };
+            refined = (0..zoning.zones.len()).map(merged).collect();
+        }
+        let shares =
+            Shares::of(&zoning.mixtures, &zoning.zone_of_vertex, surface.vertices.primary(), zoning.zones.len());
+        grids.smooth(&mut measured, refined, &shares, &surface.ray, spectrum);
+        watch.step(1.0)?;
+    }
     let zones = zoning.zones.into_iter().zip(&measured);
     let zones = zones.map(|(zone, own)| Zone { goniogram: grids.goniogram(own, spectrum), ..zone }).collect();
     let whole = measured.into_iter().reduce(|mut whole, zone| {
@@ -82,6 +135,7 @@ pub fn measure(
         lattice: zoning.lattice,
         zones,
         zone_of_vertex: zoning.zone_of_vertex,
+        mixtures: zoning.mixtures,
         total: whole.map(|whole| grids.goniogram(&whole, spectrum)).unwrap_or_default(),
         grid: grids.fine,
         spectral_grid: grids.spectral,
@@ -110,7 +164,7 @@ fn collect(
     let add = |rays: &[Ray]| {
         for ray in rays {
             let Some(landing) = projector.land(ray) else { continue };
-            let (c, gamma) = zoning.lattice.frame.angles(ray.direction);
+            let (c, gamma) = zoning.frame.angles(ray.direction);
             let (fine_cell, spectral_cell) = (grids.fine.cell(c, gamma), grids.spectral.cell(c, gamma));
             let deposit = quanta.deposit(ray);
             let zones = hull.triangles[landing.triangle].map(|vertex| zoning.zone_of_vertex[vertex as usize] as usize);

@@ -1,32 +1,223 @@
-//! Smoothing of the intensities over the grid of directions.
+//! From counts to angular distributions: the whole source's from a prior of even radiance, each zone's from the whole's radiance.
 
 use super::sphere::SphereGrid;
-use crate::flux::shepard::{Site, Smoother, typical_radius};
+use crate::smoothing::{Edge, Levels, Refined, refine};
 use glam::DVec3;
+use rayon::prelude::*;
+use std::f64::consts::{PI, TAU};
 
-/// Rays that an intensity is averaged over: 3 % noise is left in a zone. It blurs the horizon of a flat source by its radius, a
-/// few degrees for a million rays in 16 zones; fewer rays leave more noise than that is worth.
-const SMOOTHING_RAYS: f64 = 800.0;
-/// Smoothing reaches at most this far, radians (20°): it costs a Lambertian 1.5 % at the peak, less than the noise it takes from
-/// any zone that needs it.
-const SMOOTHING_REACH: f64 = 0.35;
-/// Most pairs of cells that exchange; 16 bytes each, twice.
-const MOST_LINKS: f64 = 8e6;
+/// Part of a prior that is the counts themselves, blurred: no direction that light was seen in is dark beforehand.
+const SEEN: f64 = 1e-3;
+/// Least cosine by which radiances of zones are compared: below it a surface shows its edge.
+const GRAZING: f64 = 1e-3;
+/// Part of the flux that zones of a kind may send elsewhere than the kind does while they count as alike.
+const EVEN: f64 = 0.05;
+/// Rounds of proportional fitting, after which zones add up to the whole.
+const ROUNDS: usize = 4;
 
-/// The smoothing operator on the sphere for zones whose cells counted `rays`.
-pub fn smoother(grid: &SphereGrid, rays: &[f64]) -> Smoother {
-    let solid_angles_sr = grid.cell_solid_angles_sr();
-    let site = |(cell, (c, gamma)): (usize, (f64, f64))| Site {
-        at: DVec3::new(gamma.sin() * c.cos(), gamma.sin() * c.sin(), -gamma.cos()),
-        measure: solid_angles_sr[cell],
-        rays: 0.0,
-        part: 0,
-        normal: DVec3::Z,
-    };
-    let sites: Vec<Site> = grid.cell_nodes().into_iter().enumerate().map(site).collect();
-    let cells = rays.iter().copied().zip(solid_angles_sr.iter().copied().cycle());
-    let wanted = typical_radius(cells, SMOOTHING_RAYS);
-    // A cap of radius r holds r²/4 of the sphere: this many cells link to as many others.
-    let affordable = 2.0 * MOST_LINKS.sqrt() / sites.len() as f64;
-    Smoother::uniform(&sites, wanted.min(SMOOTHING_REACH).min(affordable))
+/// A grid of directions with the neighbourhoods of its cells.
+pub struct Directions<'a> {
+    grid: &'a SphereGrid,
+    levels: Levels,
+    /// The rings of cells of one γ.
+    rings: Levels,
+    solid_angles_sr: Vec<f64>,
+}
+
+impl<'a> Directions<'a> {
+    /// The cells of `grid`, each joined to its neighbours as strongly as their common edge is long and their nodes are close.
+    pub fn new(grid: &'a SphereGrid) -> Directions<'a> {
+        let nodes = grid.cell_nodes();
+        let at = |(c, gamma): &(f64, f64)| DVec3::new(gamma.sin() * c.cos(), gamma.sin() * c.sin(), gamma.cos());
+        let points: Vec<DVec3> = nodes.iter().map(at).collect();
+        let (last, planes) = (grid.gamma_nodes() - 1, grid.c_planes());
+        let (dg, dc) = (PI / last as f64, TAU / planes as f64);
+        let mut edges: Vec<Edge> = Vec::new();
+        for c in 0..planes {
+            for k in 0..last {
+                let [from, to] = [k, k + 1].map(|k| grid.cell_of_node(c, k) as u32);
+                edges.push((from, to, ((k as f64 + 0.5) * dg).sin() * dc / dg));
+            }
+            for k in (1..last).filter(|_| planes > 1) {
+                let [from, to] = [c, (c + 1) % planes].map(|c| grid.cell_of_node(c, k) as u32);
+                edges.push((from, to, dg / ((k as f64 * dg).sin() * dc)));
+            }
+        }
+        let spacing = (4.0 * PI / points.len() as f64).sqrt();
+        let levels = Levels::new(&points, &vec![0; points.len()], &edges, spacing, false);
+        let gammas: Vec<DVec3> = (0..=last).map(|k| DVec3::new(0.0, 0.0, k as f64 * dg)).collect();
+        let steps: Vec<Edge> = (0..last as u32).map(|k| (k, k + 1, ((f64::from(k) + 0.5) * dg).sin())).collect();
+        let rings = Levels::new(&gammas, &vec![0; last + 1], &steps, dg, false);
+        Directions { grid, levels, rings, solid_angles_sr: grid.cell_solid_angles_sr() }
+    }
+
+    /// Projected solid angles: ∫ max(0, n · ω) dω over each cell, for each of `normals` (in the photometric frame: γ = 0 at −z)
+    /// times its weight; the light of surfaces of radiance 1. sr.
+    pub fn projected_sr(&self, normals: &[(DVec3, f64)]) -> Vec<f64> {
+        let (last, planes) = (self.grid.gamma_nodes() - 1, self.grid.c_planes());
+        let (dg, dc) = (PI / last as f64, TAU / planes as f64);
+        let sum = |(cell, (c, gamma)): (usize, &(f64, f64))| -> f64 {
+            let cap = cell == 0 || cell + 1 == self.solid_angles_sr.len();
+            let width = if cap { TAU } else { dc };
+            let columns = if cap { 3 * planes } else { 3 };
+            let (low, high) = ((gamma - 0.5 * dg).max(0.0), (gamma + 0.5 * dg).min(PI));
+            let mut sum = 0.0;
+            for i in 0..3 {
+                let [from, to] = [i, i + 1].map(|i| low + (high - low) * f64::from(i) / 3.0);
+                let (gamma, part) = (0.5 * (from + to), (from.cos() - to.cos()) * width / columns as f64);
+                for j in 0..columns {
+                    let c = c - 0.5 * width + width * (j as f64 + 0.5) / columns as f64;
+                    let direction = DVec3::new(gamma.sin() * c.cos(), gamma.sin() * c.sin(), -gamma.cos());
+                    sum += part * normals.iter().map(|(n, w)| w * n.dot(direction).max(0.0)).sum::<f64>();
+                }
+            }
+            sum
+        };
+        self.grid.cell_nodes().par_iter().enumerate().map(sum).collect()
+    }
+
+    /// `prior` with the distribution over γ that was counted, smoothed: what a source that is alike all round would send.
+    fn turned(&self, counted: &[f64], prior: &[f64], ray: f64) -> Vec<f64> {
+        let last = self.grid.gamma_nodes() - 1;
+        let mut ring_of_cell = vec![0; prior.len()];
+        for (c, k) in (0..self.grid.c_planes()).flat_map(|c| (0..=last).map(move |k| (c, k))) {
+            ring_of_cell[self.grid.cell_of_node(c, k)] = k;
+        }
+        let ring_sums = |cells: &[f64]| {
+            let mut sums = vec![0.0; last + 1];
+            cells.iter().zip(&ring_of_cell).for_each(|(amount, ring)| sums[*ring] += amount);
+            sums
+        };
+        let expected = ring_sums(prior);
+        let refined = refine(&self.rings, &ring_sums(counted), &expected, ray).amounts;
+        let factor = |ring: usize| if expected[ring] > 0.0 { refined[ring] / expected[ring] } else { 0.0 };
+        prior.iter().zip(&ring_of_cell).map(|(amount, ring)| amount * factor(*ring)).collect()
+    }
+
+    /// Flux per cell of a source whose cells counted `counted`, from the form `prior`.
+    fn estimate(&self, counted: &[f64], prior: &[f64], ray: f64) -> Refined {
+        let total: f64 = counted.iter().sum();
+        let scale = |values: &[f64]| total / values.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+        let blurred = self.levels.blurred(counted, &self.solid_angles_sr);
+        let (a, b) = ((1.0 - SEEN) * scale(prior), SEEN * scale(&blurred));
+        let prior: Vec<f64> = prior.iter().zip(&blurred).map(|(prior, seen)| a * prior + b * seen).collect();
+        refine(&self.levels, counted, &prior, ray)
+    }
+
+    /// The primary flux of each zone per cell, smoothed: the whole source first, then zones of one kind together, then each.
+    /// `counted` and `projected_sr` per zone.
+    pub fn zones(&self, counted: &[&[f64]], projected_sr: &[Vec<f64>], kinds: &[u32], ray: f64) -> Estimates {
+        let own = |zone: usize| Light { counted: counted[zone].to_vec(), even: projected_sr[zone].clone() };
+        let zones: Vec<Light> = (0..counted.len()).map(own).collect();
+        let members = |kind: u32| zones.iter().zip(kinds).filter(move |(_, of)| **of == kind).map(|(zone, _)| zone);
+        let kind_count = kinds.iter().max().map_or(0, |last| last + 1);
+        let groups: Vec<Light> = (0..kind_count).map(|kind| Light::sum(members(kind))).collect();
+        let whole = Light::sum(groups.iter());
+        let refined = self.estimate(&whole.counted, &self.turned(&whole.counted, &whole.even, ray), ray);
+        let of_kinds = self.parted(&whole, &refined, &groups.iter().collect::<Vec<_>>(), ray);
+        let mut all: Vec<Refined> = vec![Refined::default(); zones.len()];
+        let mut even_kinds = Vec::new();
+        for (kind, (group, refined)) in groups.iter().zip(&of_kinds).enumerate() {
+            let ids: Vec<usize> = (0..zones.len()).filter(|zone| kinds[*zone] as usize == kind).collect();
+            let lights: Vec<&Light> = ids.iter().map(|zone| &zones[*zone]).collect();
+            let parts = self.parted(group, refined, &lights, ray);
+            let moved: f64 = parts.iter().map(|part| difference(&part.amounts, &refined.amounts)).sum();
+            even_kinds.push(moved <= EVEN * group.flux());
+            ids.into_iter().zip(parts).for_each(|(zone, part)| all[zone] = part);
+        }
+        Estimates { zones: all, kinds: of_kinds, even_kinds }
+    }
+
+    /// The parts of a whole, each from the whole's radiance, so that they add up to it.
+    fn parted(&self, whole: &Light, refined: &Refined, parts: &[&Light], ray: f64) -> Vec<Refined> {
+        if parts.len() == 1 {
+            return vec![refined.clone()];
+        }
+        let part = |part: &&Light| {
+            let of = |cell: usize| {
+                let grazing = GRAZING * self.solid_angles_sr[cell];
+                refined.amounts[cell] * (part.even[cell] + grazing) / (whole.even[cell] + grazing)
+            };
+            let prior: Vec<f64> = (0..self.solid_angles_sr.len()).map(of).collect();
+            self.estimate(&part.counted, &self.turned(&part.counted, &prior, ray), ray)
+        };
+        let mut zones: Vec<Refined> = parts.par_iter().map(part).collect();
+        add_up(&mut zones, &refined.amounts);
+        zones
+    }
+
+    /// Another quantity of a zone, whose form is nearly that of `primary`.
+    pub fn like(&self, counted: &[f64], primary: &[f64], ray: f64) -> Vec<f64> {
+        refine(&self.levels, counted, primary, ray).amounts
+    }
+}
+
+/// What was found of the zones.
+pub struct Estimates {
+    /// The flux of each zone per cell.
+    pub zones: Vec<Refined>,
+    /// The flux of all zones of a kind together.
+    pub kinds: Vec<Refined>,
+    /// Whether zones of a kind send their light alike, as far as the rays tell.
+    pub even_kinds: Vec<bool>,
+}
+
+/// Σ |a − b of the same sum|: the flux of `a` that goes elsewhere, twice.
+fn difference(a: &[f64], b: &[f64]) -> f64 {
+    let (flux, whole): (f64, f64) = (a.iter().sum(), b.iter().sum());
+    let scale = if whole > 0.0 { flux / whole } else { 0.0 };
+    a.iter().zip(b).map(|(a, b)| (a - scale * b).abs()).sum()
+}
+
+/// What one or more zones send into each cell.
+struct Light {
+    /// As counted.
+    counted: Vec<f64>,
+    /// What a surface with their normals would send at radiance 1: flux-weighted mean of their projected solid angles, sr.
+    even: Vec<f64>,
+}
+
+impl Light {
+    fn flux(&self) -> f64 {
+        self.counted.iter().sum()
+    }
+
+    fn sum<'l>(parts: impl Iterator<Item = &'l Light> + Clone) -> Light {
+        let total: f64 = parts.clone().map(Light::flux).sum();
+        let cells = parts.clone().next().map_or(0, |part| part.counted.len());
+        let mut whole = Light { counted: vec![0.0; cells], even: vec![0.0; cells] };
+        for part in parts {
+            add(&mut whole.counted, &part.counted, 1.0);
+            add(&mut whole.even, &part.even, if total > 0.0 { part.flux() / total } else { 0.0 });
+        }
+        whole
+    }
+}
+
+/// Adds `factor` times `more`.
+pub fn add(sums: &mut [f64], more: &[f64], factor: f64) {
+    sums.iter_mut().zip(more).for_each(|(sum, more)| *sum += factor * more);
+}
+
+/// Zones that add up to `whole` in each cell, as nearly as each zone's flux allows.
+pub fn add_up(zones: &mut [Refined], whole: &[f64]) {
+    let fluxes: Vec<f64> = zones.iter().map(|zone| zone.amounts.iter().sum()).collect();
+    (0..ROUNDS).for_each(|_| fit(zones, whole, &fluxes));
+}
+
+/// One round: the zones of a cell in proportion to the whole's, then each zone in proportion to its flux.
+fn fit(zones: &mut [Refined], whole: &[f64], fluxes: &[f64]) {
+    let mut sums = vec![0.0; whole.len()];
+    zones.iter().for_each(|zone| add(&mut sums, &zone.amounts, 1.0));
+    let factors: Vec<f64> = sums
+        .iter()
+        .zip(whole)
+        .map(|(sum, whole)| if *sum > 0.0 { (whole / sum).clamp(0.05, 20.0) } else { 1.0 })
+        .collect();
+    zones.par_iter_mut().zip(fluxes).for_each(|(zone, flux)| {
+        zone.amounts.iter_mut().zip(&factors).for_each(|(amount, factor)| *amount *= factor);
+        let sum: f64 = zone.amounts.iter().sum();
+        let scale = if sum > 0.0 { flux / sum } else { 0.0 };
+        zone.amounts.iter_mut().for_each(|amount| *amount *= scale);
+    });
 }

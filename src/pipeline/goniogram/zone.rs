@@ -1,10 +1,13 @@
-//! The zone lattice and which point belongs where.
+//! Zones: which point belongs where, on a lattice or along the surface.
 
 use super::intensity::Goniogram;
+use super::kinds::kinds;
+use super::mixture::{Mixture, blend};
 use crate::flux::Surface;
 use crate::hull::Hull;
 use crate::vocabulary::space::{Bounds, Frame};
 use glam::DVec3;
+use std::collections::BTreeMap;
 
 /// A regular lattice of zones over the emission, in the plane normal to γ = 0. Columns run along C0 (photometric x), rows along
 /// C90 (photometric y).
@@ -38,15 +41,22 @@ impl Lattice {
     }
 }
 
+/// Row and column of a zone in the lattice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// Counted from 0 along photometric y.
+    pub row: usize,
+    /// Counted from 0 along photometric x.
+    pub column: usize,
+}
+
 /// A zone that holds light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Zone {
     /// Its index among the zones that hold light.
     pub id: u32,
-    /// Row in the lattice.
-    pub row: usize,
-    /// Column in the lattice.
-    pub column: usize,
+    /// Where it lies in the lattice; `None` where zones follow the surface.
+    pub place: Option<Place>,
     /// Box of its vertices, source frame, mm.
     pub bounds_mm: Bounds,
     /// Flux-weighted mean of its vertices, source frame, mm.
@@ -59,24 +69,113 @@ pub struct Zone {
     pub goniogram: Goniogram,
 }
 
+impl Zone {
+    /// What its files are called: row and column, or its number.
+    pub fn name(&self) -> String {
+        match self.place {
+            Some(Place { row, column }) => format!("zone_{row:02}_{column:02}"),
+            None => format!("zone_{:03}", self.id),
+        }
+    }
+
+    /// Its place in words: ", row 1 column 2"; nothing where zones follow the surface.
+    pub fn position(&self) -> String {
+        self.place.map_or_else(String::new, |Place { row, column }| format!(", row {row} column {column}"))
+    }
+
+    fn empty(id: u32, place: Option<Place>) -> Zone {
+        Zone {
+            id,
+            place,
+            bounds_mm: Bounds::EMPTY,
+            centroid_mm: DVec3::ZERO,
+            area_mm2: 0.0,
+            vertex_count: 0,
+            goniogram: Goniogram::default(),
+        }
+    }
+}
+
 /// Most zones unless more are asked for; the paper has the same limit [общее количество зон ограничено 16].
 const MOST_BY_DEFAULT: f64 = 16.0;
-/// Rays that a zone needs: about 30 per lit cell, where half of 1300 cells are lit.
-const RAYS_PER_ZONE: f64 = 20_000.0;
+/// Rays that a zone of the paper's lattice needs: about 30 per lit cell, where half of 1300 cells are lit.
+const RAYS_PER_LATTICE_ZONE: f64 = 20_000.0;
+/// Rays that a zone that follows the surface needs: with fewer it would hardly differ from the whole.
+const RAYS_PER_ZONE: f64 = 400.0;
+/// Vertices that such a zone has at least.
+const VERTICES_PER_ZONE: usize = 4;
 
-/// The lattice, and what belongs where, before any goniogram.
+/// Normals are told apart in steps of one in so many, 4 degrees.
+const NORMAL_STEPS: f64 = 16.0;
+
+/// What belongs where, before any goniogram.
 pub struct Zoning {
-    /// The lattice.
-    pub lattice: Lattice,
+    /// The photometric frame.
+    pub frame: Frame,
+    /// The lattice; `None` where zones follow the surface.
+    pub lattice: Option<Lattice>,
     /// Zones that hold vertices, goniograms still empty.
     pub zones: Vec<Zone>,
     /// Zone id of each vertex.
     pub zone_of_vertex: Vec<u32>,
+    /// Kind of each zone: zones of one kind are alike.
+    pub kind_of_zone: Vec<u32>,
+    /// Zones and weights of each vertex.
+    pub mixtures: Vec<Mixture>,
 }
 
 impl Zoning {
-    /// Lays the lattice over the hull and places every vertex.
-    pub fn new(hull: &Hull, surface: &Surface, frame: Frame, asked: Option<(u32, u32)>) -> Zoning {
+    /// Zones that follow the surface: its faces, and where their light differs in spectrum the areas that do, each halved where most
+    /// rays are as long as there is room for zones and there are rays for them.
+    pub fn along(hull: &Hull, surface: &Surface, frame: Frame, most: usize) -> Zoning {
+        let (kind_of_vertex, kinds) = kinds(hull, &surface.vertices);
+        let mut leaves: Vec<Leaf> = (0..kinds as u32).map(|kind| Leaf::new(kind, Vec::new(), surface)).collect();
+        for (vertex, kind) in kind_of_vertex.iter().enumerate() {
+            leaves[*kind as usize].vertices.push(vertex);
+        }
+        let mut leaves: Vec<Leaf> =
+            leaves.into_iter().map(|leaf| Leaf::new(leaf.kind, leaf.vertices, surface)).collect();
+        while leaves.len() < most {
+            let splits = |leaf: &Leaf| leaf.rays >= 2.0 * RAYS_PER_ZONE && leaf.vertices.len() >= 2 * VERTICES_PER_ZONE;
+            let fullest = (0..leaves.len())
+                .filter(|k| splits(&leaves[*k]))
+                .max_by(|a, b| leaves[*a].rays.total_cmp(&leaves[*b].rays).then(b.cmp(a)));
+            let Some(fullest) = fullest else { break };
+            let half = leaves[fullest].halve(hull, surface);
+            leaves.push(half);
+        }
+        leaves.sort_by_key(|leaf| (leaf.kind, leaf.vertices[0]));
+        let mut zone_of_vertex = vec![0; hull.vertices_mm.len()];
+        for (id, leaf) in leaves.iter().enumerate() {
+            leaf.vertices.iter().for_each(|vertex| zone_of_vertex[*vertex] = id as u32);
+        }
+        let mut zones: Vec<Zone> = (0..leaves.len()).map(|id| Zone::empty(id as u32, None)).collect();
+        describe(&mut zones, &zone_of_vertex, hull, surface);
+        let kind_of_zone: Vec<u32> = leaves.iter().map(|leaf| leaf.kind).collect();
+        let mixtures = zone_of_vertex.iter().map(|zone| Mixture::hard(*zone)).collect();
+        Zoning { frame, lattice: None, zones, zone_of_vertex, kind_of_zone, mixtures }
+    }
+
+    /// Makes one zone of all zones of each kind that is `even`. Answers the new zone of each; zones of a kind stay side by side.
+    pub fn merge(&mut self, even: &[bool], hull: &Hull, surface: &Surface) -> Vec<u32> {
+        let (mut zone_of_zone, mut kinds): (Vec<u32>, Vec<u32>) = (Vec::new(), Vec::new());
+        for kind in &self.kind_of_zone {
+            if !(even[*kind as usize] && kinds.last() == Some(kind)) {
+                kinds.push(*kind);
+            }
+            zone_of_zone.push(kinds.len() as u32 - 1);
+        }
+        self.kind_of_zone = kinds;
+        self.zone_of_vertex.iter_mut().for_each(|zone| *zone = zone_of_zone[*zone as usize]);
+        self.zones = (0..self.kind_of_zone.len()).map(|id| Zone::empty(id as u32, None)).collect();
+        describe(&mut self.zones, &self.zone_of_vertex, hull, surface);
+        let middles_mm: Vec<DVec3> = self.zones.iter().map(|zone| zone.centroid_mm).collect();
+        self.mixtures = blend(hull, &middles_mm, &self.zone_of_vertex, &self.kind_of_zone);
+        zone_of_zone
+    }
+
+    /// The paper's zones: a lattice over the hull, as asked or as the rays can feed.
+    pub fn on_lattice(hull: &Hull, surface: &Surface, frame: Frame, asked: Option<(u32, u32)>) -> Zoning {
         let lattice = lattice(hull, surface, frame, asked);
         let cell = |point_mm: DVec3| {
             let (row, column) = lattice.place(point_mm);
@@ -88,20 +187,68 @@ impl Zoning {
         let mut zones = Vec::new();
         for (cell, id) in id_of_cell.iter_mut().enumerate().filter(|(_, id)| id.is_some()) {
             *id = Some(zones.len() as u32);
-            zones.push(Zone {
-                id: zones.len() as u32,
-                row: cell / lattice.columns,
-                column: cell % lattice.columns,
-                bounds_mm: Bounds::EMPTY,
-                centroid_mm: DVec3::ZERO,
-                area_mm2: 0.0,
-                vertex_count: 0,
-                goniogram: Goniogram::default(),
-            });
+            let place = Place { row: cell / lattice.columns, column: cell % lattice.columns };
+            zones.push(Zone::empty(zones.len() as u32, Some(place)));
         }
         let zone_of_vertex: Vec<u32> = cells.iter().map(|cell| id_of_cell[*cell].unwrap_or(0)).collect();
         describe(&mut zones, &zone_of_vertex, hull, surface);
-        Zoning { lattice, zones, zone_of_vertex }
+        let kind_of_zone = vec![0; zones.len()];
+        let mixtures = zone_of_vertex.iter().map(|zone| Mixture::hard(*zone)).collect();
+        Zoning { frame, lattice: Some(lattice), zones, zone_of_vertex, kind_of_zone, mixtures }
+    }
+
+    /// Outward normals of each zone's surface in the photometric frame, weighted by the flux of its vertices, weights that sum to 1.
+    /// Nearly equal normals are one.
+    pub fn normals(&self, hull: &Hull, surface: &Surface) -> Vec<Vec<(DVec3, f64)>> {
+        let frame = &self.frame;
+        let mut sums: Vec<BTreeMap<[i32; 3], f64>> = vec![BTreeMap::new(); self.zones.len()];
+        for ((zone, normal), flux) in
+            self.zone_of_vertex.iter().zip(hull.vertex_normals()).zip(surface.vertices.primary())
+        {
+            let key = [frame.x(), frame.y(), frame.z()].map(|axis| (normal.dot(axis) * NORMAL_STEPS).round() as i32);
+            *sums[*zone as usize].entry(key).or_insert(0.0) += flux;
+        }
+        let weighted = |sums: BTreeMap<[i32; 3], f64>| {
+            let total: f64 = sums.values().sum();
+            let normal = |key: [i32; 3]| DVec3::from(key.map(f64::from)).normalize_or_zero();
+            sums.into_iter().filter(|_| total > 0.0).map(|(key, flux)| (normal(key), flux / total)).collect()
+        };
+        sums.into_iter().map(weighted).collect()
+    }
+}
+
+/// Vertices that become a zone.
+struct Leaf {
+    kind: u32,
+    /// In ascending order.
+    vertices: Vec<usize>,
+    rays: f64,
+}
+
+impl Leaf {
+    fn new(kind: u32, vertices: Vec<usize>, surface: &Surface) -> Leaf {
+        let rays = vertices.iter().map(|vertex| surface.vertices.rays[*vertex]).sum();
+        Leaf { kind, vertices, rays }
+    }
+
+    /// Parts with the half of the rays that lies farther along the longest side of its box.
+    fn halve(&mut self, hull: &Hull, surface: &Surface) -> Leaf {
+        let at = |vertex: &usize| hull.vertices_mm[*vertex];
+        let size = Bounds::of(self.vertices.iter().map(at)).size();
+        let axis = size.max_position();
+        let mut sorted = std::mem::take(&mut self.vertices);
+        sorted.sort_by(|a, b| at(a)[axis].total_cmp(&at(b)[axis]).then(a.cmp(b)));
+        let mut seen = 0.0;
+        let middle = sorted.iter().position(|vertex| {
+            seen += surface.vertices.rays[*vertex];
+            2.0 * seen >= self.rays
+        });
+        let middle = (middle.unwrap_or(0) + 1).clamp(VERTICES_PER_ZONE, sorted.len() - VERTICES_PER_ZONE);
+        let mut far = sorted.split_off(middle);
+        sorted.sort_unstable();
+        far.sort_unstable();
+        *self = Leaf::new(self.kind, sorted, surface);
+        Leaf::new(self.kind, far, surface)
     }
 }
 
@@ -140,7 +287,7 @@ fn lattice(hull: &Hull, surface: &Surface, frame: Frame, asked: Option<(u32, u32
     let spread = [0, 1].map(|axis| (square[axis] / weight - (sum[axis] / weight).powi(2)).max(0.0).sqrt());
     let (columns, rows) = match asked {
         Some((columns, rows)) => (columns as usize, rows as usize),
-        None => shape((weight / RAYS_PER_ZONE).clamp(1.0, MOST_BY_DEFAULT), spread),
+        None => shape((weight / RAYS_PER_LATTICE_ZONE).clamp(1.0, MOST_BY_DEFAULT), spread),
     };
     Lattice { frame, columns, rows, min_mm, max_mm }
 }

@@ -99,6 +99,8 @@ impl Hull {
         let lists = [
             ("labels", self.labels.len(), self.triangles.len()),
             ("part_of_vertex", self.part_of_vertex.len(), self.vertices_mm.len()),
+            ("face_of_vertex", self.face_of_vertex.len(), self.vertices_mm.len()),
+            ("place_of_vertex", self.place_of_vertex.len(), self.vertices_mm.len()),
         ];
         let wrong = lists.into_iter().filter(|(_, found, expected)| found != expected);
         wrong.map(|(list, found, expected)| Broken::LengthMismatch { list, found, expected }).collect()
@@ -149,12 +151,13 @@ impl Hull {
         self.edges().chunk_by(Edge::same).filter_map(fault).collect()
     }
 
-    /// The edges of all triangles, equal ones side by side.
+    /// The edges of all triangles between places, equal ones side by side: a crease is one edge.
     fn edges(&self) -> Vec<Edge> {
         let mut edges: Vec<Edge> = self
             .triangles
             .iter()
-            .flat_map(|[a, b, c]| [(*a, *b), (*b, *c), (*c, *a)])
+            .map(|corners| corners.map(|vertex| self.place_of_vertex[vertex as usize]))
+            .flat_map(|[a, b, c]| [(a, b), (b, c), (c, a)])
             .map(|(a, b)| Edge { from: a.min(b), to: a.max(b), forward: a < b })
             .collect();
         edges.sort_unstable();
@@ -170,15 +173,16 @@ impl Hull {
     /// The hull must be sound.
     pub fn euler_characteristics(&self) -> Vec<i64> {
         let mut euler = vec![0; self.part_count()];
-        let part = |vertex: u32| self.part_of_vertex[vertex as usize] as usize;
-        for part in &self.part_of_vertex {
+        let parts: BTreeMap<u32, u32> =
+            self.place_of_vertex.iter().copied().zip(self.part_of_vertex.iter().copied()).collect();
+        for part in parts.values() {
             euler[*part as usize] += 1;
         }
         for edge in self.edges().chunk_by(Edge::same) {
-            euler[part(edge[0].from)] -= 1;
+            euler[parts[&edge[0].from] as usize] -= 1;
         }
         for [first, ..] in &self.triangles {
-            euler[part(*first)] += 1;
+            euler[self.part_of_vertex[*first as usize] as usize] += 1;
         }
         euler
     }
@@ -211,6 +215,8 @@ mod tests {
             triangles: triangles.to_vec(),
             labels: vec![Label::Projected; triangles.len()],
             part_of_vertex: vec![0; vertices_mm.len()],
+            face_of_vertex: vec![0; vertices_mm.len()],
+            place_of_vertex: (0..vertices_mm.len() as u32).collect(),
             cell_mm: DVec3::ONE,
             resolution: 1,
             max_edge_mm: 1.0,

@@ -28,6 +28,10 @@ pub struct Hull {
     pub labels: Vec<Label>,
     /// Connected part of each vertex, numbered from 0 in the order of the smallest vertex.
     pub part_of_vertex: Vec<u32>,
+    /// Face of each vertex, numbered from 0: a part without creases, or what lies between them.
+    pub face_of_vertex: Vec<u32>,
+    /// Place of each vertex: the vertices of all faces that meet at a point of a crease have one place.
+    pub place_of_vertex: Vec<u32>,
     /// Edge lengths of a lattice cell, mm: the surface's resolution. Components of a flat cloud's missing dimension are tiny, never 0.
     pub cell_mm: DVec3,
     /// Cells along the longest edge that were used.
@@ -90,6 +94,11 @@ impl Hull {
     /// Number of connected parts.
     pub fn part_count(&self) -> usize {
         self.part_of_vertex.iter().max().map_or(0, |last| *last as usize + 1)
+    }
+
+    /// Number of faces.
+    pub fn face_count(&self) -> usize {
+        self.face_of_vertex.iter().max().map_or(0, |last| *last as usize + 1)
     }
 
     /// The box of the surface, mm.

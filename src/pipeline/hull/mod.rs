@@ -27,6 +27,8 @@ mod disjoint_sets;
 pub mod mesh;
 /// From quads to triangles.
 mod triangles;
+/// Faces: the hull cut along its creases.
+mod creases;
 /// What every hull must satisfy.
 pub mod check;
 /// Clouds with known surfaces.
@@ -62,7 +64,7 @@ pub fn wrap(cloud: &Cloud<'_>, options: &HullOptions, limits: &Limits, watch: St
         };
         cloud.fold(watch, (), visit_chunk, |(), ()| ())
     };
-    wrap_points(&pass, cloud.bounds_mm, options, limits, watch)
+    Ok(creases::cut(wrap_points(&pass, cloud.bounds_mm, options, limits, watch)?))
 }
 
 /// The order of the steps.

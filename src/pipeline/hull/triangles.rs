@@ -36,6 +36,8 @@ pub fn build(joined: &Joined, places: &[Placed], lattice: &Lattice, max_edge_mm:
         triangles,
         labels,
         part_of_vertex: Vec::new(),
+        face_of_vertex: Vec::new(),
+        place_of_vertex: Vec::new(),
         cell_mm: lattice.cell_mm,
         resolution: lattice.resolution(),
         max_edge_mm,
@@ -121,5 +123,7 @@ fn number_parts(hull: &mut Hull) {
         parts.push(if first == vertex { next } else { parts[first as usize] });
         next += u32::from(first == vertex);
     }
+    hull.face_of_vertex.clone_from(&parts);
+    hull.place_of_vertex = (0..parts.len() as u32).collect();
     hull.part_of_vertex = parts;
 }

@@ -51,8 +51,10 @@ impl<'a> Evaluator<'a> {
             let corners = model.hull.triangles[triangle].map(|vertex| vertex as usize);
             let sum: f64 = corners.iter().map(|corner| evaluator.exitance[*corner]).sum();
             for corner in corners {
-                let zone = model.goniograms.zone_of_vertex[corner] as usize;
-                evaluator.zone_flux[zone] += model.hull.area_mm2(triangle) / 12.0 * (evaluator.exitance[corner] + sum);
+                let flux = model.hull.area_mm2(triangle) / 12.0 * (evaluator.exitance[corner] + sum);
+                for (zone, weight) in model.goniograms.mixtures[corner].parts() {
+                    evaluator.zone_flux[zone] += weight * flux;
+                }
             }
         }
         Some(evaluator)
@@ -68,8 +70,11 @@ impl<'a> Evaluator<'a> {
     pub fn distribution(&self, triangle: usize, shares: [f64; 3], direction: DVec3) -> f64 {
         let (c, gamma) = self.model.goniograms.frame.angles(direction);
         let corners = self.model.hull.triangles[triangle];
-        let zone = |vertex: &u32| self.model.goniograms.zone_of_vertex[*vertex as usize] as usize;
-        corners.iter().zip(shares).map(|(vertex, share)| share * self.zone_distribution(zone(vertex), c, gamma)).sum()
+        let of = |vertex: &u32| -> f64 {
+            let parts = self.model.goniograms.mixtures[*vertex as usize].parts();
+            parts.map(|(zone, weight)| weight * self.zone_distribution(zone, c, gamma)).sum()
+        };
+        corners.iter().zip(shares).map(|(vertex, share)| share * of(vertex)).sum()
     }
 
     fn zone_distribution(&self, zone: usize, c: f64, gamma: f64) -> f64 {

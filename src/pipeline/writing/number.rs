@@ -48,12 +48,25 @@ impl Serialize for Numbers<'_> {
     }
 }
 
-/// A JSON array of rows of `columns` numbers each.
+/// A JSON array of rows of `columns` numbers each, all to the last digit that counts of the largest of them: what is smaller than
+/// that is 0.
 pub struct Matrix<'a>(pub &'a [f64], pub usize);
 
 impl Serialize for Matrix<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq(self.0.chunks(self.1.max(1)).map(|row| Numbers(row, ARRAY_DIGITS)))
+        let largest = self.0.iter().copied().fold(0.0, f64::max);
+        let exponent = if largest > 0.0 { largest.log10().floor() as i32 } else { 0 };
+        let digits = move |value: f64| {
+            let own = if value > 0.0 { value.log10().floor() as i32 } else { exponent };
+            (ARRAY_DIGITS as i32 + own - exponent).min(ARRAY_DIGITS as i32)
+        };
+        let counted =
+            move |value: &f64| if digits(*value) > 0 { rounded(*value, digits(*value) as usize) } else { 0.0 };
+        if self.0.iter().any(|value| !value.is_finite()) {
+            return Err(S::Error::custom("an array of the model holds a number that is not finite"));
+        }
+        let rows = self.0.chunks(self.1.max(1)).map(|row| row.iter().map(counted).collect::<Vec<f64>>());
+        serializer.collect_seq(rows)
     }
 }
 
@@ -79,7 +92,7 @@ mod tests {
     #[test]
     fn arrays_hold_short_numbers_and_never_nan() {
         let json = serde_json::to_string(&Matrix(&[0.1 + 0.2, 1.0, 2.0, 1e-30], 2)).unwrap();
-        assert_eq!(json, "[[0.3,1.0],[2.0,1e-30]]");
+        assert_eq!(json, "[[0.3,1.0],[2.0,0.0]]");
         assert!(serde_json::to_string(&Numbers(&[f64::NAN], 6)).is_err());
         assert!(serde_json::to_string(&Numbers(&[f64::INFINITY], 6)).is_err());
     }

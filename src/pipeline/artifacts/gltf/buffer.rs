@@ -48,6 +48,14 @@ impl Buffer {
         self.accessor(Accessor::new(view, "VEC3", (self.bytes.len() - start) / 12))
     }
 
+    /// Four floats per vertex. Answers the accessor.
+    pub(super) fn quadruples(&mut self, quadruples: impl Iterator<Item = [f32; 4]>) -> usize {
+        let start = self.bytes.len();
+        self.bytes.extend(quadruples.flatten().flat_map(f32::to_le_bytes));
+        let view = self.view(start, ARRAY_BUFFER, None);
+        self.accessor(Accessor::new(view, "VEC4", (self.bytes.len() - start) / 16))
+    }
+
     /// One float per vertex. Answers the accessor.
     pub(super) fn scalars(&mut self, scalars: impl Iterator<Item = f32>) -> usize {
         let start = self.bytes.len();

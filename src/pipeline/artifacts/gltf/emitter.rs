@@ -16,15 +16,17 @@ use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
 
 /// What the object calls its schema.
-const URN: &str = "urn:lampwright:emitter-extras:1";
+const URN: &str = "urn:lampwright:emitter-extras:2";
 /// Attribute of the vertices' radiant flux, W.
 pub const FLUX_W: &str = "_FLUX_W";
 /// Attribute of the vertices' luminous flux, lm.
 pub const FLUX_LM: &str = "_FLUX_LM";
 /// Attribute of the vertices' tristimulus X, Y, Z, lm.
 pub const XYZ_LM: &str = "_XYZ_LM";
-/// Attribute of the vertices' zone ids.
-pub const ZONE: &str = "_ZONE";
+/// Attribute of the vertices' zone ids, four each.
+pub const ZONES: &str = "_ZONES";
+/// Attribute of the weights of those zones.
+pub const WEIGHTS: &str = "_ZONE_WEIGHTS";
 
 /// Most spectral numbers that are repeated in extras unasked: 2 million are about 12 MB of text.
 const MOST_INLINE: usize = 2_000_000;
@@ -126,10 +128,10 @@ impl<'a> Emitter<'a> {
             triangle_stage: Stages { labels: STAGES, values: StageCodes(&model.hull.labels) },
             zones: model.goniograms.zones.iter().map(ZoneFacts::new).collect(),
             zone_weights: ZoneWeights {
-                rule: "hard",
-                attribute: ZONE,
-                meaning: "a vertex has weight 1 for the zone with this id and 0 for all others; weights, not ids, are \
-                          interpolated over a triangle",
+                zones_attribute: ZONES,
+                weights_attribute: WEIGHTS,
+                meaning: "a vertex mixes the distributions of up to four zones by weights that sum to 1; at a point of a \
+                          triangle the mixtures of its corners mix by their barycentric coordinates",
             },
             goniograms: goniograms::NAME,
             provenance: Provenance::new(model, options),
@@ -324,19 +326,24 @@ impl Serialize for StageCodes<'_> {
 #[derive(Serialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
 struct ZoneFacts {
-    /// Its index in zones; the value of the attribute _ZONE.
+    /// Its index in zones; what the attribute _ZONES holds.
     id: u32,
-    /// Its row in the lattice, counted from 0 along photometric y.
-    row: usize,
-    /// Its column in the lattice, counted from 0 along photometric x.
-    column: usize,
+    /// Its row in the lattice, counted from 0 along photometric y; null where zones follow the surface.
+    row: Option<usize>,
+    /// Its column in the lattice, counted from 0 along photometric x; null where zones follow the surface.
+    column: Option<usize>,
     /// Box of its vertices.
     bounds_mm: Box3,
 }
 
 impl ZoneFacts {
     fn new(zone: &Zone) -> ZoneFacts {
-        ZoneFacts { id: zone.id, row: zone.row, column: zone.column, bounds_mm: Box3::new(&zone.bounds_mm) }
+        ZoneFacts {
+            id: zone.id,
+            row: zone.place.map(|place| place.row),
+            column: zone.place.map(|place| place.column),
+            bounds_mm: Box3::new(&zone.bounds_mm),
+        }
     }
 }
 
@@ -344,12 +351,12 @@ impl ZoneFacts {
 #[derive(Serialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
 struct ZoneWeights {
-    /// "hard": each vertex belongs to one zone.
-    #[schemars(extend("const" = "hard"))]
-    rule: &'static str,
-    /// The glTF attribute with the zone's id.
-    #[schemars(extend("const" = ZONE))]
-    attribute: &'static str,
+    /// The glTF attribute with the ids of the zones of each vertex, four floats; places that are not used repeat the first zone.
+    #[schemars(extend("const" = ZONES))]
+    zones_attribute: &'static str,
+    /// The glTF attribute with the weights of those zones, four floats.
+    #[schemars(extend("const" = WEIGHTS))]
+    weights_attribute: &'static str,
     /// The rule in words.
     meaning: &'static str,
 }

@@ -88,7 +88,12 @@ fn attributes(
         put(emitter::XYZ_LM, buffer.vectors((0..vertices.len()).map(xyz)));
     }
     // Custom attributes may not be unsigned int; floats are exact up to 2^24 zones.
-    put(emitter::ZONE, buffer.scalars(model.goniograms.zone_of_vertex.iter().map(|zone| *zone as f32)));
+    let mixtures = &model.goniograms.mixtures;
+    put(emitter::ZONES, buffer.quadruples(mixtures.iter().map(|mixture| mixture.zones.map(|zone| zone as f32))));
+    put(
+        emitter::WEIGHTS,
+        buffer.quadruples(mixtures.iter().map(|mixture| mixture.weights.map(|weight| weight as f32))),
+    );
     if spectra_in_attributes {
         let bands = model.spectral.bands.len();
         let spectra: Vec<f32> = (0..vertices.len())
@@ -152,6 +157,12 @@ mod tests {
         Some(Iter::new(accessor, |_| file.blob.as_deref()).unwrap().collect())
     }
 
+    fn quadruples(file: &Gltf, name: &str) -> Vec<[f32; 4]> {
+        let primitive = file.meshes().next().unwrap().primitives().next().unwrap();
+        let accessor = primitive.get(&Semantic::Extras(name.trim_start_matches('_').to_owned())).unwrap();
+        Iter::new(accessor, |_| file.blob.as_deref()).unwrap().collect()
+    }
+
     #[test]
     fn a_foreign_reader_finds_every_value() {
         let model = fixture::model();
@@ -170,8 +181,11 @@ mod tests {
         let vertices = &model.surface.vertices;
         assert_eq!(scalars(&file, "_FLUX_W").unwrap(), as_f32(vertices.radiant_w.as_ref().unwrap()));
         assert_eq!(scalars(&file, "_FLUX_LM").unwrap(), as_f32(vertices.luminous_lm.as_ref().unwrap()));
-        let zones: Vec<u32> = scalars(&file, "_ZONE").unwrap().iter().map(|zone| *zone as u32).collect();
-        assert_eq!(zones, model.goniograms.zone_of_vertex);
+        let mixtures = &model.goniograms.mixtures;
+        let zones: Vec<u32> = quadruples(&file, "_ZONES").into_iter().flatten().map(|zone| zone as u32).collect();
+        assert_eq!(zones, mixtures.iter().flat_map(|mixture| mixture.zones).collect::<Vec<_>>());
+        let weights: Vec<f32> = quadruples(&file, "_ZONE_WEIGHTS").concat();
+        assert_eq!(weights, as_f32(&mixtures.iter().flat_map(|mixture| mixture.weights).collect::<Vec<f64>>()));
         assert!(primitive.material().double_sided());
         assert!(file.extensions_used().eq(["KHR_materials_unlit"]));
         let scale = emitter["vertex_spectra"]["scale"].as_f64().unwrap();

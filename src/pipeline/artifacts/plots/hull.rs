@@ -90,6 +90,33 @@ pub fn exitance_map(model: &Model) -> Artifact {
     svg.artifact("plots/hull_exitance.svg")
 }
 
+/// The zones that follow the surface, a colour each: `name` is the path in the zip.
+pub fn zone_map(model: &Model, name: &str) -> Artifact {
+    let goniograms = &model.goniograms;
+    let view = View::new(model);
+    let zone_of = |corners: &[u32; 3]| goniograms.zone_of_vertex.get(corners[0] as usize).copied().unwrap_or(0);
+    let color = |(triangle, corners): (usize, &[u32; 3])| {
+        let facing = model.hull.normal(triangle).dot(view.to_eye).abs();
+        shaded(zone_color(zone_of(corners)), facing)
+    };
+    let colors: Vec<[u8; 3]> = model.hull.triangles.iter().enumerate().map(color).collect();
+    let subtitle = format!("{} zones along the surface, a colour each", goniograms.zones.len());
+    let mut svg = Svg::sheet(680.0, 600.0, &one_line(&source_name(model), 64), &subtitle);
+    view.draw(&mut svg, model, &colors, CRISP);
+    svg.artifact(name)
+}
+
+/// Colours of neighbouring numbers lie far apart: hues a golden angle from one to the next.
+fn zone_color(zone: u32) -> [u8; 3] {
+    let hue = (f64::from(zone) * 0.618_033_988_75).fract() * 6.0;
+    let lightness = if zone.is_multiple_of(2) { 0.85 } else { 0.65 };
+    [5.0, 3.0, 1.0].map(|shift| {
+        let k: f64 = (shift + hue) % 6.0;
+        let full = 1.0 - 0.65 * k.min(4.0 - k).clamp(0.0, 1.0);
+        (255.0 * lightness * full).round() as u8
+    })
+}
+
 /// Top of the colour bar: the maximum, unless a few bright specks would leave all else dark.
 fn scale_top(values: &[f64], max: f64) -> f64 {
     let mut sorted = values.to_vec();

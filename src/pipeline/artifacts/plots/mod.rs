@@ -4,5 +4,5 @@
 pub mod hull;
 /// Polar curves of intensity.
 pub mod polar;
-/// The zone lattice, coloured by flux.
+/// The zones: the lattice coloured by flux, or the surface.
 pub mod zones;

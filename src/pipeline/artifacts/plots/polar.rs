@@ -13,15 +13,15 @@ pub const TOTAL: &str = "plots/polar_total.svg";
 
 /// Path of a zone's curves.
 pub fn zone_name(zone: &Zone) -> String {
-    format!("plots/polar_zone_{:02}_{:02}.svg", zone.row, zone.column)
+    format!("plots/polar_{}.svg", zone.name())
 }
 
 /// The curves of the whole source and of each zone.
 pub fn artifacts(model: &Model) -> Vec<Artifact> {
     let total = plot(model, &model.goniograms.total, "whole source").artifact(TOTAL);
-    let zones = model.goniograms.zones.iter().map(|zone| {
-        plot(model, &zone.goniogram, &format!("zone row {} column {}", zone.row, zone.column))
-            .artifact(&zone_name(zone))
+    let with_files = model.goniograms.zones_with_files();
+    let zones = model.goniograms.zones.iter().filter(|zone| with_files.contains(&zone.id)).map(|zone| {
+        plot(model, &zone.goniogram, &format!("zone {}{}", zone.id, zone.position())).artifact(&zone_name(zone))
     });
     std::iter::once(total).chain(zones).collect()
 }

@@ -1,6 +1,9 @@
-//! The zone map: the lattice in the plane of C0 and C90, seen against the light (from the side of γ = 0), coloured by flux.
+//! The zone map: the lattice in the plane of C0 and C90, seen against the light (from the side of γ = 0), coloured by flux; zones that
+//! follow the surface are drawn on it.
 
+use super::hull::zone_map;
 use crate::artifacts::provenance::source_name;
+use crate::goniogram::Lattice;
 use crate::model::Model;
 use crate::vocabulary::space::Axis;
 use crate::writing::Artifact;
@@ -20,8 +23,14 @@ const SMALLEST: f64 = 60.0;
 
 /// The map.
 pub fn artifact(model: &Model) -> Artifact {
+    match &model.goniograms.lattice {
+        Some(lattice) => lattice_map(model, lattice),
+        None => zone_map(model, NAME),
+    }
+}
+
+fn lattice_map(model: &Model, lattice: &Lattice) -> Artifact {
     let goniograms = &model.goniograms;
-    let lattice = &goniograms.lattice;
     let unit = goniograms.total.flux.luminous_lm.map_or("W", |_| "lm");
     let flux: Vec<f64> = goniograms
         .zones
@@ -41,16 +50,16 @@ pub fn artifact(model: &Model) -> Artifact {
     let mut svg = Svg::sheet(680.0, height, &one_line(&source_name(model), 64), &subtitle);
     let cell = [size[0] / lattice.columns as f64, size[1] / lattice.rows as f64];
     svg.rect(CORNER, size, "#eef1f4");
-    for (zone, flux) in goniograms.zones.iter().zip(&flux) {
-        let corner = [CORNER[0] + zone.column as f64 * cell[0], CORNER[1] + zone.row as f64 * cell[1]];
+    for (place, flux) in goniograms.zones.iter().zip(&flux).filter_map(|(zone, flux)| Some((zone.place?, flux))) {
+        let corner = [CORNER[0] + place.column as f64 * cell[0], CORNER[1] + place.row as f64 * cell[1]];
         let color = viridis(flux / max.max(f64::MIN_POSITIVE));
         svg.rect([corner[0] + 0.5, corner[1] + 0.5], [cell[0] - 1.0, cell[1] - 1.0], &hex(color));
         let ink = if is_dark(color) { "#ffffff" } else { INK };
         let share = 100.0 * flux / total.max(f64::MIN_POSITIVE);
-        let words = [format!("{}.{}", zone.row, zone.column), text(*flux, 3), format!("{share:.1} %")];
+        let words = [format!("{}.{}", place.row, place.column), text(*flux, 3), format!("{share:.1} %")];
         cell_words(&mut svg, corner, cell, ink, &words);
     }
-    axes(&mut svg, model, size);
+    axes(&mut svg, model, lattice, size);
     color_bar(&mut svg, [580.0, CORNER[1] + 20.0], BAR, max, &format!("{unit} per zone"));
     svg.artifact(NAME)
 }
@@ -74,8 +83,8 @@ fn cell_words(svg: &mut Svg, corner: [f64; 2], cell: [f64; 2], ink: &str, words:
     }
 }
 
-fn axes(svg: &mut Svg, model: &Model, size: [f64; 2]) {
-    let (frame, lattice) = (&model.goniograms.frame, &model.goniograms.lattice);
+fn axes(svg: &mut Svg, model: &Model, lattice: &Lattice, size: [f64; 2]) {
+    let frame = &model.goniograms.frame;
     let [left, top] = CORNER;
     let bottom = top + size[1];
     let mm = |value: f64| text(value, 4);

@@ -1,0 +1,102 @@
+//! The exitance, smoothed: every quantity of every vertex, as far as its rays do not support what was counted.
+
+use super::Amounts;
+use crate::hull::Hull;
+use crate::smoothing::{Edge, Levels, refine};
+use crate::source::Spectral;
+use crate::vocabulary::units::Flux;
+use glam::DVec3;
+use rayon::prelude::*;
+use std::collections::BTreeSet;
+
+/// Rounds of proportional fitting, after which the columns of a vertex add up to its flux and those of the source stay.
+const ROUNDS: usize = 3;
+
+/// Smooths `vertices`: the flux from an even exitance, the columns from their shares in it. Sums over all vertices are kept.
+pub fn smooth(hull: &Hull, vertices: &mut Amounts, ray: &Flux, spectral: &Spectral) {
+    let levels = levels(hull);
+    let areas_mm2 = hull.vertex_areas_mm2();
+    let whole = refine(&levels, vertices.primary(), &areas_mm2, ray.primary()).amounts;
+    let column_ray = if spectral.has_bands() { ray.primary() } else { ray.luminous_lm.unwrap_or(0.0) };
+    let lit: Vec<usize> = lit_columns(vertices);
+    let smooth_column = |column: &usize| -> Vec<f64> {
+        let counted: Vec<f64> = vertices.columns.iter().skip(*column).step_by(vertices.column_count).copied().collect();
+        if lit.len() == 1 {
+            scaled(&whole, counted.iter().sum())
+        } else {
+            refine(&levels, &counted, &whole, column_ray).amounts
+        }
+    };
+    let mut columns: Vec<Vec<f64>> = lit.par_iter().map(smooth_column).collect();
+    if spectral.has_bands() {
+        (0..ROUNDS).for_each(|_| fit(&mut columns, &whole));
+    }
+    if let Some(luminous) = &mut vertices.luminous_lm {
+        let ray = ray.luminous_lm.unwrap_or(0.0);
+        *luminous = match vertices.radiant_w {
+            Some(_) if lit.len() == 1 => scaled(&whole, luminous.iter().sum()),
+            Some(_) => refine(&levels, luminous, &whole, ray).amounts,
+            None => whole.clone(),
+        };
+    }
+    for (column, values) in lit.iter().zip(&columns) {
+        let slots = vertices.columns.iter_mut().skip(*column).step_by(vertices.column_count);
+        slots.zip(values).for_each(|(slot, value)| *slot = *value);
+    }
+    if let Some(radiant) = &mut vertices.radiant_w {
+        *radiant = whole;
+    }
+}
+
+/// Columns that hold light.
+fn lit_columns(vertices: &Amounts) -> Vec<usize> {
+    vertices
+        .column_totals()
+        .into_iter()
+        .enumerate()
+        .filter(|(_, total)| *total > 0.0)
+        .map(|(column, _)| column)
+        .collect()
+}
+
+/// `form` with the sum `total`.
+fn scaled(form: &[f64], total: f64) -> Vec<f64> {
+    let sum: f64 = form.iter().sum();
+    form.iter().map(|value| if sum > 0.0 { value * (total / sum) } else { 0.0 }).collect()
+}
+
+/// One round: the columns of a vertex in proportion to its flux, then each column in proportion to its sum.
+fn fit(columns: &mut [Vec<f64>], whole: &[f64]) {
+    let totals: Vec<f64> = columns.iter().map(|column| column.iter().sum()).collect();
+    let factor = |vertex: usize| {
+        let sum: f64 = columns.iter().map(|column| column[vertex]).sum();
+        if sum > 0.0 { whole[vertex] / sum } else { 0.0 }
+    };
+    let factors: Vec<f64> = (0..whole.len()).map(factor).collect();
+    columns.par_iter_mut().zip(totals).for_each(|(column, total)| {
+        column.iter_mut().zip(&factors).for_each(|(value, factor)| *value *= factor);
+        *column = scaled(column, total);
+    });
+}
+
+/// Vertices of one face that look the same way share clusters, however thin the body is.
+fn levels(hull: &Hull) -> Levels {
+    let mut edges = BTreeSet::new();
+    for [a, b, c] in &hull.triangles {
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            edges.insert((*from.min(to), *from.max(to)));
+        }
+    }
+    let length = |(a, b): &(u32, u32)| hull.vertices_mm[*a as usize].distance(hull.vertices_mm[*b as usize]);
+    let spacing = edges.iter().map(length).sum::<f64>() / edges.len().max(1) as f64;
+    let kinds: Vec<u32> =
+        hull.vertex_normals().iter().zip(&hull.face_of_vertex).map(|(n, face)| 6 * face + facing(*n)).collect();
+    let edges: Vec<Edge> = edges.into_iter().map(|(a, b)| (a, b, 1.0)).collect();
+    Levels::new(&hull.vertices_mm, &kinds, &edges, spacing, true)
+}
+
+/// Which face of a cube a normal belongs to, 0 to 5.
+fn facing(normal: DVec3) -> u32 {
+    let axis = (0..3).fold(0, |best, axis| if normal[axis].abs() > normal[best].abs() + 1e-9 { axis } else { best });
+    2 * axis as u32 + u32::from(normal[axis] < 0.0)
+}
