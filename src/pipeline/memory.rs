@@ -2,8 +2,9 @@
 //! resolution that is chosen by it; what is kept is the lattice, the surface and its spectra, the goniograms and the files.
 //!
 //! Nothing is known of the source's form yet: it is taken for a body that fills its box, a sphere or a cube. What was measured of
-//! hemispheres is a half to a third of what is said here, of cylinders a fifth to nearly all, of flat chips down to an eighth.
+//! domes and cylinders is a fifth to nearly all of what is said here, of flat chips down to an eighth.
 
+use crate::formats::record::SpectralData;
 use crate::options::{Options, Spectra};
 use crate::rays::bands;
 use crate::rays::bands::Reach;
@@ -32,10 +33,10 @@ const CELL: f64 = 70.0;
 /// A band of a zone's spectral goniogram: 156 nodes, as numbers and as text; and a column of its 134 cells.
 const ZONE_BAND: f64 = 4300.0;
 const ZONE_COLUMN: f64 = 3300.0;
-/// Two directions that exchange in smoothing; how many of them there are at most; and the share of the sphere that one reaches.
-const LINK: f64 = 60.0;
-const MOST_LINKS: f64 = 8e6;
-const REACH: f64 = 0.0306;
+/// A band of a zone's flux alone, where its spectral goniogram is left out.
+const ONE_SPECTRUM_BAND: f64 = 100.0;
+/// A cell of directions while it is smoothed: its neighbourhoods.
+const SMOOTHED_CELL: f64 = 900.0;
 
 /// Vertices of a body's surface, per square of the resolution: a sphere has 4.7; a cube 6, whose flat sides are cheaper.
 const VERTICES: f64 = 5.0;
@@ -44,11 +45,15 @@ const DENSE: f64 = 4.0;
 /// The finest and the coarsest resolution that are chosen by the rays; and at least so many rays for each vertex then.
 const CHOSEN: (f64, f64) = (96.0, 8.0);
 const RAYS_PER_VERTEX: f64 = 12.0;
-/// Zones unless asked for others; steps of γ as they are for a beam of 20° or more.
-const RAYS_PER_ZONE: f64 = 20_000.0;
-const ZONES: f64 = 16.0;
+/// Cells of all zones together and their spectral columns unless zones are asked for; the grid of the latter.
+const CELLS: f64 = 350_000.0;
+const COLUMNS: f64 = 4e6;
 const GAMMA_DEG: f64 = 2.5;
-const C_DEG: f64 = 10.0;
+const C_DEG: f64 = 5.0;
+/// Zones unless asked for, the rays that one needs, and cells of its spectral grid.
+const ZONES: f64 = 256.0;
+const RAYS_PER_ZONE: f64 = 400.0;
+const ZONE_CELLS: f64 = 134.0;
 /// Columns of a file with spectral tables: one for each table.
 const TABLES: f64 = 16.0;
 
@@ -93,12 +98,24 @@ fn surface(rays: f64, asked: Option<f64>) -> (f64, f64) {
 /// What zones and their goniograms need.
 fn directions(rays: f64, spectrum: &Spectrum, options: &Options) -> f64 {
     let options = &options.goniogram;
-    let zones = options.zones.map(|zones| f64::from(zones.columns) * f64::from(zones.rows));
-    let zones = zones.unwrap_or((rays / RAYS_PER_ZONE).clamp(1.0, ZONES));
     let gamma_deg = options.gamma_step_deg.unwrap_or(GAMMA_DEG);
     let cells = 180.0 / gamma_deg * 360.0 / options.c_step_deg.unwrap_or(C_DEG);
-    let links = if options.smooths() { (REACH * cells * cells).min(MOST_LINKS) } else { 0.0 };
-    zones * (CELL * cells + ZONE_BAND * spectrum.bands + ZONE_COLUMN * spectrum.columns) + LINK * links
+    let neighbourhoods = if options.smooths() { SMOOTHED_CELL * cells } else { 0.0 };
+    let (zones, cells) = match options.zones {
+        Some(zones) => {
+            let zones = f64::from(zones.columns) * f64::from(zones.rows);
+            (zones, zones * cells)
+        }
+        None => {
+            let zones = (rays / RAYS_PER_ZONE).clamp(1.0, ZONES);
+            (
+                zones.min(COLUMNS / (ZONE_CELLS * spectrum.columns.max(1.0))).max(1.0),
+                (zones * cells).min(CELLS).max(cells),
+            )
+        }
+    };
+    let band = if spectrum.is_one { ONE_SPECTRUM_BAND } else { ZONE_BAND };
+    CELL * cells + zones * (band * spectrum.bands + ZONE_COLUMN * spectrum.columns) + neighbourhoods
 }
 
 /// How much there is of the spectrum.
@@ -107,6 +124,8 @@ struct Spectrum {
     columns: f64,
     /// Rays have wavelengths: every band is a column.
     by_ray: bool,
+    /// All light has the spectrum of one table: in all directions the same, which is written once.
+    is_one: bool,
 }
 
 impl Spectrum {
@@ -114,7 +133,11 @@ impl Spectrum {
         let by_ray = files.iter().any(|(claims, declared)| claims.by_ray(declared));
         let reaches: Vec<Reach> = files.iter().map(|(claims, declared)| claims.reach(declared)).collect();
         let bands = bands::most(&options.rays, &reaches);
-        Spectrum { bands, columns: TABLES + if by_ray { bands } else { 0.0 }, by_ray }
+        let one_table = |(claims, declared): &(&Claims, &Declared)| {
+            declared.spectrum.is_some() || (claims.spectrum == SpectralData::ONE_TABLE && !claims.by_ray(declared))
+        };
+        let is_one = files.len() == 1 && files.iter().all(one_table);
+        Spectrum { bands, columns: TABLES + if by_ray { bands } else { 0.0 }, by_ray, is_one }
     }
 
     fn of_vertices(&self, vertices: f64, place: Spectra) -> f64 {
@@ -169,34 +192,34 @@ mod tests {
         };
         let [plain, by_ray] = ["table", "wavelength per ray"];
         for (source, rays, spectrum, threads, options, measured, most) in [
-            ("hemisphere", 100_000, plain, 2, Options::default(), 21.0, 3.0),
-            ("hemisphere", 1_000_000, plain, 2, Options::default(), 51.0, 3.2),
-            ("hemisphere", 1_000_000, plain, 8, Options::default(), 71.0, 3.0),
-            ("hemisphere", 5_000_000, plain, 2, Options::default(), 52.0, 3.0),
-            ("hemisphere", 5_000_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 285.0, 3.0),
-            ("hemisphere", 1_000_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 358.0, 2.5),
-            ("hemisphere", 1_000_000, plain, 2, with(|o| o.rays.band_edges_nm = bands(1000)), 227.0, 3.0),
-            ("hemisphere", 1_000_000, plain, 2, with(|o| o.rays.band_edges_nm = bands(4096)), 820.0, 3.0),
-            ("hemisphere", 1_000_000, plain, 2, with(zoned), 1117.0, 3.0),
-            ("hemisphere", 1_000_000, plain, 2, with(fine), 306.0, 2.5),
+            ("dome", 100_000, plain, 2, Options::default(), 30.0, 4.0),
+            ("dome", 1_000_000, plain, 2, Options::default(), 70.0, 3.2),
+            ("dome", 100_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 253.0, 6.0),
+            ("dome", 1_000_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 235.0, 4.0),
+            ("dome", 1_000_000, plain, 2, with(|o| o.rays.band_edges_nm = bands(1000)), 231.0, 3.0),
+            ("dome", 1_000_000, plain, 2, with(|o| o.rays.band_edges_nm = bands(4096)), 761.0, 3.0),
+            ("dome", 1_000_000, plain, 2, with(zoned), 759.0, 3.0),
+            ("dome", 1_000_000, plain, 2, with(fine), 78.0, 6.0),
             (
-                "hemisphere",
+                "dome",
                 1_000_000,
                 plain,
                 2,
                 with(|o| o.goniogram.zones = Some(Zones { columns: 32, rows: 32 })),
-                190.0,
-                3.0,
+                152.0,
+                6.0,
             ),
-            ("hemisphere", 600_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(2500)), 975.0, 3.0),
-            ("hemisphere", 100_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(4096)), 426.0, 2.5),
-            ("hemisphere", 600_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(1000)), 429.0, 3.0),
-            ("cylinder", 100_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 845.0, 2.0),
-            ("cylinder", 1_000_000, plain, 2, Options::default(), 28.0, 6.0),
-            ("cylinder", 1_000_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 258.0, 4.0),
-            ("cylinder", 1_000_000, plain, 2, with(fine), 517.0, 2.0),
-            ("four chips", 100_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(4096)), 202.0, 5.0),
-            ("four chips", 1_000_000, by_ray, 2, with(|o| o.hull.resolution = Some(256)), 113.0, 10.0),
+            ("cylinder", 100_000, plain, 2, Options::default(), 34.0, 4.0),
+            ("cylinder", 100_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 1129.0, 2.0),
+            ("cylinder", 1_000_000, plain, 2, Options::default(), 53.0, 6.0),
+            ("cylinder", 1_000_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 238.0, 4.0),
+            ("cylinder", 1_000_000, plain, 2, with(fine), 76.0, 6.0),
+            ("four chips", 100_000, by_ray, 2, Options::default(), 45.0, 4.0),
+            ("four chips", 1_000_000, by_ray, 2, Options::default(), 66.0, 5.0),
+            ("four chips", 100_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(4096)), 218.0, 5.0),
+            ("four chips", 1_000_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(1000)), 178.0, 7.0),
+            ("four chips", 1_000_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(2500)), 360.0, 7.0),
+            ("four chips", 1_000_000, by_ray, 2, with(|o| o.hull.resolution = Some(256)), 127.0, 10.0),
         ] {
             let (claims, declared) = (claims(rays, "IES TM-25", spectrum), Declared::default());
             let on = |threads| estimate(&[(&claims, &declared)], &options, threads);

@@ -132,7 +132,7 @@ pub struct QualityFacts {
     /// Relative standard error of the largest intensity, after smoothing.
     #[schemars(range(min = 0))]
     relative_noise_at_peak: f64,
-    /// Widest smoothing radius, degrees; 0 when off.
+    /// Radius of the cap of directions whose rays share the largest intensity, degrees; 0 when off.
     #[schemars(range(min = 0))]
     smoothing_deg: f64,
 }

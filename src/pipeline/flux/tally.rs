@@ -246,20 +246,6 @@ impl Amounts {
         }
         add(&mut self.columns, &other.columns);
     }
-
-    /// Replaces every quantity, seen as numbers per site, by `change` of it; `change` is linear.
-    pub fn map(&mut self, change: impl Fn(&[f64]) -> Vec<f64>) {
-        self.rays = change(&self.rays);
-        for values in [&mut self.radiant_w, &mut self.luminous_lm].into_iter().flatten() {
-            *values = change(values);
-        }
-        for column in 0..self.column_count {
-            let values: Vec<f64> = self.columns.iter().skip(column).step_by(self.column_count).copied().collect();
-            for (slot, value) in self.columns.iter_mut().skip(column).step_by(self.column_count).zip(change(&values)) {
-                *slot = value;
-            }
-        }
-    }
 }
 
 #[cfg(test)]

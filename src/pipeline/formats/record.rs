@@ -152,11 +152,14 @@ pub enum SpectralData {
 }
 
 impl SpectralData {
+    /// The word for one table that holds for all rays.
+    pub const ONE_TABLE: &str = "table";
+
     /// What it is, in words.
     pub fn name(&self) -> &'static str {
         match self {
             SpectralData::None => "none",
-            SpectralData::Table(_) => "table",
+            SpectralData::Table(_) => SpectralData::ONE_TABLE,
             SpectralData::Wavelength => "wavelength per ray",
             SpectralData::Tables(_) => "table per ray",
             SpectralData::Tristimulus => "tristimulus",

@@ -12,6 +12,7 @@ use crate::source::Spectral;
 use crate::vocabulary::units::Flux;
 use glam::DVec3;
 use rayon::prelude::*;
+use std::f64::consts::TAU;
 
 /// Steps of γ to choose from, degrees.
 const GAMMA_STEPS_DEG: [f64; 3] = [2.5, 1.0, 0.5];
@@ -60,7 +61,7 @@ pub struct Quality {
     pub empty_cell_fraction: f64,
     /// Relative standard error of the largest intensity, after smoothing.
     pub relative_noise_at_peak: f64,
-    /// Widest smoothing radius, degrees; 0 when off.
+    /// Radius of the cap of directions whose rays share the largest intensity, degrees; 0 when off.
     pub smoothing_deg: f64,
 }
 
@@ -303,6 +304,20 @@ impl Measured {
         self.spectral.accumulate(&other.spectral);
     }
 
+    /// Radius of the cap round a cell that holds as many rays as its noise says took part in it; 0 where nothing was smoothed.
+    fn smoothed_deg(&self, cell: usize, intensity: f64) -> f64 {
+        let flux = self.fine.primary();
+        let counted: f64 = self.counted.iter().sum();
+        let per_ray = flux.iter().sum::<f64>() / counted;
+        let taking_part = flux[cell] * flux[cell] / self.variance[cell];
+        let solid_angle_sr = taking_part * per_ray / intensity;
+        let alone = taking_part <= self.counted[cell] * (1.0 + 1e-9);
+        if alone || !solid_angle_sr.is_finite() {
+            return 0.0;
+        }
+        (1.0 - solid_angle_sr / TAU).clamp(-1.0, 1.0).acos().to_degrees()
+    }
+
     fn quality(&self, solid_angles_sr: &[f64]) -> Quality {
         let mut lit: Vec<f64> = self.counted.iter().copied().filter(|rays| *rays > 0.0).collect();
         lit.sort_by(f64::total_cmp);
@@ -314,7 +329,7 @@ impl Measured {
             rays_per_cell_median: lit.get(lit.len() / 2).copied().unwrap_or(0.0),
             empty_cell_fraction: 1.0 - lit.len() as f64 / self.counted.len() as f64,
             relative_noise_at_peak: peak.map_or(0.0, |cell| self.variance[cell].sqrt() / flux[cell]),
-            smoothing_deg: 0.0,
+            smoothing_deg: peak.map_or(0.0, |cell| self.smoothed_deg(cell, intensity(&cell))),
         }
     }
 }

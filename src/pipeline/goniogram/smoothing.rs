@@ -221,3 +221,88 @@ fn fit(zones: &mut [Refined], whole: &[f64], fluxes: &[f64]) {
         zone.amounts.iter_mut().for_each(|amount| *amount *= scale);
     });
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+
+    /// Counts of `rays` rays of the distribution `share` (per cell, sum 1).
+    fn count(share: &[f64], rays: usize, seed: u64) -> Vec<f64> {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut sums = vec![0.0];
+        share.iter().for_each(|share| sums.push(sums[sums.len() - 1] + share));
+        let mut counts = vec![0.0; share.len()];
+        for _ in 0..rays {
+            let at = random.next_u64() as f64 / u64::MAX as f64 * sums[share.len()];
+            counts[sums.partition_point(|sum| *sum <= at).clamp(1, share.len()) - 1] += 1.0;
+        }
+        counts
+    }
+
+    /// Relative L2 error of intensities.
+    fn error(found: &[f64], exact: &[f64], solid_angles_sr: &[f64]) -> f64 {
+        let sum = |of: &dyn Fn(usize) -> f64| (0..exact.len()).map(|k| of(k).powi(2) / solid_angles_sr[k]).sum::<f64>();
+        let (scale, total) = (exact.iter().sum::<f64>(), found.iter().sum::<f64>());
+        (sum(&|k| found[k] / total - exact[k] / scale) / sum(&|k| exact[k] / scale)).sqrt()
+    }
+
+    /// A distribution that rises with the cosine to `axis` to the power `m`; sum 1.
+    fn lobe(directions: &Directions<'_>, axis: DVec3, m: f64) -> Vec<f64> {
+        let of = |((c, gamma), sr): ((f64, f64), &f64)| {
+            let direction = DVec3::new(gamma.sin() * c.cos(), gamma.sin() * c.sin(), -gamma.cos());
+            sr * direction.dot(axis.normalize()).max(0.0).powf(m)
+        };
+        let lobe: Vec<f64> =
+            directions.grid.cell_nodes().into_iter().zip(&directions.solid_angles_sr).map(of).collect();
+        let sum: f64 = lobe.iter().sum();
+        lobe.into_iter().map(|value| value / sum).collect()
+    }
+
+    /// Of the counts' own error at most the part stands: more is left where the prior is farther off, and nothing is added where it is
+    /// right. The counts' error is that of independent rays, √(cells/rays) for an even field.
+    #[test]
+    fn estimates_are_better_than_counts() {
+        let grid = SphereGrid::new(72, 72);
+        let directions = Directions::new(&grid);
+        let solid_angles_sr = directions.solid_angles_sr.clone();
+        let even: Vec<f64> = solid_angles_sr.iter().map(|sr| sr / (4.0 * PI)).collect();
+        let [lambert, tilted, narrow] =
+            [(DVec3::NEG_Z, 1.0), (DVec3::new(0.3, 0.0, -1.0), 1.0), (DVec3::new(0.6, 0.0, -0.8), 10.0)]
+                .map(|(axis, m)| lobe(&directions, axis, m));
+        for rays in [10_000, 100_000, 1_000_000] {
+            for (name, exact, prior, part) in [
+                ("even", &even, &even, 0.1),
+                ("a cosine", &lambert, &lambert, 0.1),
+                ("a tilted cosine from an upright one", &tilted, &lambert, 0.4),
+                ("a tilted beam from a cosine", &narrow, &lambert, 0.6),
+            ] {
+                let counted = count(exact, rays, 1);
+                let raw = error(&counted, exact, &solid_angles_sr);
+                let turned = directions.turned(&counted, prior, 1.0);
+                for from in [prior, &turned] {
+                    let found = directions.estimate(&counted, from, 1.0);
+                    let left = error(&found.amounts, exact, &solid_angles_sr) / raw;
+                    println!("{rays} rays, {name}: {left:.3} of {raw:.4} is left");
+                    assert!(left < part, "{rays} rays, {name}: {left:.3} of {raw:.4} is left");
+                    let sum: f64 = found.amounts.iter().sum();
+                    assert!((sum / rays as f64 - 1.0).abs() < 1e-12, "{name}: {sum} of {rays} rays");
+                }
+            }
+        }
+    }
+
+    /// ∫ max(0, n · ω) dω = π whatever n, and the half of it that a square of the sphere holds for a normal in its border.
+    #[test]
+    fn projected_solid_angles_sum_to_pi() {
+        for (gamma, c) in [(36, 36), (72, 72), (180, 24)] {
+            let grid = SphereGrid::new(gamma, c);
+            let directions = Directions::new(&grid);
+            for normal in [DVec3::NEG_Z, DVec3::X, DVec3::new(0.3, -0.5, 0.7).normalize()] {
+                let sum: f64 = directions.projected_sr(&[(normal, 0.25), (normal, 0.75)]).iter().sum();
+                assert!((sum / PI - 1.0).abs() < 2e-3, "{gamma} x {c}: {sum}");
+            }
+        }
+    }
+}

@@ -105,3 +105,76 @@ fn pairs(hull: &Hull) -> Vec<([u32; 2], f64)> {
     };
     edges.into_iter().filter_map(pair).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hull::mesh::Label;
+    use crate::vocabulary::notice::Notices;
+    use glam::DVec3;
+
+    /// A box of `n`³ cells with `n`² quads on each side, bent by `bend`.
+    fn block(n: u32, bend: impl Fn(DVec3) -> DVec3) -> Hull {
+        let mut places: BTreeMap<[u32; 3], u32> = BTreeMap::new();
+        let mut vertices_mm = Vec::new();
+        let mut triangles = Vec::new();
+        for (axis, far) in [(0, false), (0, true), (1, false), (1, true), (2, false), (2, true)] {
+            for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+                let corner = |(u, v): (u32, u32)| {
+                    let mut place = [if far { n } else { 0 }; 3];
+                    (place[(axis + 1) % 3], place[(axis + 2) % 3]) = (u, v);
+                    place
+                };
+                let quad = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)].map(|at| {
+                    let place = corner(at);
+                    *places.entry(place).or_insert_with(|| {
+                        vertices_mm.push(bend(DVec3::from(place.map(f64::from)) / f64::from(n) - 0.5));
+                        vertices_mm.len() as u32 - 1
+                    })
+                });
+                let [a, b, c, d] = if far { quad } else { [quad[3], quad[2], quad[1], quad[0]] };
+                triangles.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+        let count = vertices_mm.len();
+        Hull {
+            labels: vec![Label::Projected; triangles.len()],
+            part_of_vertex: vec![0; count],
+            face_of_vertex: vec![0; count],
+            place_of_vertex: (0..count as u32).collect(),
+            vertices_mm,
+            triangles,
+            cell_mm: DVec3::splat(1.0 / f64::from(n)),
+            resolution: n,
+            max_edge_mm: 1.0,
+            notices: Notices::default(),
+        }
+    }
+
+    #[test]
+    fn a_box_has_six_faces_and_stays_closed() {
+        let whole = block(8, |place| place);
+        let hull = cut(whole.clone());
+        assert_eq!(hull.face_count(), 6);
+        assert_eq!(hull.vertices_mm.len(), 6 * 81);
+        assert_eq!((hull.check(), hull.boundary_edges(), hull.euler_characteristics()), (vec![], 0, vec![2]));
+        assert!((hull.total_area_mm2() - whole.total_area_mm2()).abs() < 1e-12);
+        for (vertex, normal) in hull.vertex_normals().iter().enumerate() {
+            assert!(normal.abs().max_element() > 1.0 - 1e-12, "vertex {vertex} looks along {normal}");
+        }
+    }
+
+    #[test]
+    fn a_ball_has_one_face_and_is_left_as_it_is() {
+        let ball = block(8, |place| place.normalize_or_zero());
+        assert_eq!(cut(ball.clone()), ball);
+    }
+
+    /// One raised corner is no face of its own.
+    #[test]
+    fn a_rough_place_is_part_of_its_face() {
+        let hull =
+            cut(block(8, |place| if place.x == 0.0 && place.y == 0.0 && place.z == 0.5 { 1.4 * place } else { place }));
+        assert_eq!(hull.face_count(), 6);
+    }
+}

@@ -11,6 +11,8 @@ use std::collections::BTreeMap;
 const STEPS: usize = 2;
 /// Steps of the walk on the next coarser level over which signal and noise are averaged: three times as wide as the smoothing.
 const WINDOW_STEPS: usize = 4;
+/// Standard deviation of the interpolation between clusters, in their spacing: half of it would show them, twice would blur.
+const BLUR: f64 = 0.7;
 /// The coarsest level has at most this many clusters, or is the last that is coarser than the one before.
 const FEWEST: usize = 4;
 /// Most levels: 2²⁴ times the spacing.
@@ -19,71 +21,84 @@ const MOST_LEVELS: usize = 24;
 /// An undirected edge: two sites and how strongly they are joined.
 pub type Edge = (u32, u32, f64);
 
-/// A sparse square matrix by rows.
+/// Columns and what stands in them.
+type Entries = Vec<(u32, f32)>;
+
+/// A sparse matrix by rows; its numbers need no more digits than rays have.
+#[derive(Default)]
 struct Rows {
     starts: Vec<usize>,
-    entries: Vec<(u32, f64)>,
+    entries: Entries,
 }
 
+/// Rows that are made at a time.
+const BATCH: usize = 4096;
+
 impl Rows {
-    fn of(rows: Vec<Vec<(u32, f64)>>) -> Rows {
-        let mut starts = vec![0];
-        starts.extend(rows.iter().scan(0, |end, row| {
-            *end += row.len();
-            Some(*end)
-        }));
-        Rows { starts, entries: rows.into_iter().flatten().collect() }
+    /// `count` rows; `make` puts the entries of each into an empty list.
+    fn of(count: usize, make: impl Fn(usize, &mut Vec<(u32, f64)>) + Sync) -> Rows {
+        let batch = |first: usize| {
+            let (mut lengths, mut entries, mut row) = (Vec::new(), Vec::new(), Vec::new());
+            for k in first..(first + BATCH).min(count) {
+                row.clear();
+                make(k, &mut row);
+                lengths.push(row.len());
+                entries.extend(row.iter().map(|(site, weight)| (*site, *weight as f32)));
+            }
+            (lengths, entries)
+        };
+        let batches: Vec<(Vec<usize>, Entries)> = (0..count).into_par_iter().step_by(BATCH).map(batch).collect();
+        let mut rows = Rows { starts: vec![0], entries: Vec::with_capacity(batches.iter().map(|of| of.1.len()).sum()) };
+        for (lengths, entries) in batches {
+            for length in lengths {
+                rows.starts.push(rows.starts[rows.starts.len() - 1] + length);
+            }
+            rows.entries.extend(entries);
+        }
+        rows
     }
 
     fn len(&self) -> usize {
-        self.starts.len() - 1
+        self.starts.len().saturating_sub(1)
     }
 
-    fn row(&self, k: usize) -> &[(u32, f64)] {
+    fn row(&self, k: usize) -> &[(u32, f32)] {
         &self.entries[self.starts[k]..self.starts[k + 1]]
     }
 
     fn apply(&self, values: &[f64]) -> Vec<f64> {
-        let sum = |k: usize| self.row(k).iter().map(|(other, weight)| weight * values[*other as usize]).sum();
-        (0..self.len()).map(sum).collect()
+        let term = |(other, weight): &(u32, f32)| f64::from(*weight) * values[*other as usize];
+        (0..self.len()).map(|k| self.row(k).iter().map(term).sum()).collect()
     }
 
-    /// The product with `other`, `self · other`.
-    fn times(&self, other: &Rows) -> Rows {
-        let row = |k: usize| {
-            let mut sums = BTreeMap::new();
-            for (middle, first) in self.row(k) {
-                for (last, second) in other.row(*middle as usize) {
-                    *sums.entry(*last).or_insert(0.0) += first * second;
-                }
+    /// Adds the product of the row `first` and this matrix to `product`, by columns.
+    fn times(&self, first: &[(u32, f32)], product: &mut Vec<(u32, f64)>) {
+        for (middle, a) in first {
+            product.extend(self.row(*middle as usize).iter().map(|(last, b)| (*last, f64::from(*a) * f64::from(*b))));
+        }
+        product.sort_unstable_by_key(|(site, _)| *site);
+        product.dedup_by(|next, kept| {
+            let same = next.0 == kept.0;
+            if same {
+                kept.1 += next.1;
             }
-            sums.into_iter().collect()
-        };
-        Rows::of((0..self.len()).into_par_iter().map(row).collect())
-    }
-
-    /// Element by element with `other`; elements that one of them lacks are 0.
-    fn matched(&self, other: &Rows) -> Rows {
-        let row = |k: usize| {
-            let others: BTreeMap<u32, f64> = other.row(k).iter().copied().collect();
-            self.row(k).iter().filter_map(|(site, a)| Some((*site, a * others.get(site)?))).collect()
-        };
-        Rows::of((0..self.len()).map(row).collect())
+            same
+        });
     }
 }
 
 /// The sites of one level.
-pub struct Level {
+struct Level {
     /// The cluster of each site of level 0.
     cluster: Vec<u32>,
     /// The cluster of each cluster of the next finer level.
     parent: Vec<u32>,
     /// One step of the walk for amounts: what leaves adds up to what was there.
     spread: Rows,
-    /// One step for densities: the mean over oneself and the neighbours.
-    average: Rows,
-    /// [`STEPS`] steps for amounts.
-    kernel: Rows,
+    /// From numbers of the next coarser level to numbers of this one; empty on the coarsest.
+    finer: Rows,
+    /// The middle of each cluster.
+    middles: Vec<DVec3>,
     /// The variance of a smoothed amount, of those of independent rays.
     noise: Rows,
 }
@@ -107,11 +122,11 @@ impl Levels {
     /// amount is shared by the sites round it, as a ray's by the corners of its triangle; otherwise it belongs to one site.
     pub fn new(points: &[DVec3], kinds: &[u32], edges: &[Edge], spacing: f64, shared: bool) -> Levels {
         let own: Vec<u32> = (0..points.len() as u32).collect();
-        let mut levels = vec![Level::new(own.clone(), own, edges, shared)];
+        let mut levels = vec![Level::new(own.clone(), own, points, edges, shared)];
         let mut edges = edges.to_vec();
         for doubling in 1..MOST_LEVELS {
             let finer = &levels[levels.len() - 1];
-            let count = finer.kernel.len();
+            let count = finer.spread.len();
             if count <= FEWEST {
                 break;
             }
@@ -125,7 +140,11 @@ impl Levels {
                 continue;
             }
             edges = joined(&edges, &parent);
-            levels.push(Level::new(cluster, parent, &edges, false));
+            let coarser = Level::new(cluster, parent, points, &edges, false);
+            if let Some(finer) = levels.last_mut() {
+                finer.finer = coarser.interpolation(&finer.middles, pitch);
+            }
+            levels.push(coarser);
         }
         Levels { levels, own_noise: if shared { 0.5 } else { 1.0 } }
     }
@@ -139,14 +158,15 @@ impl Levels {
     /// Amounts of sites as amounts of the scale's clusters.
     pub fn gather(&self, scale: Scale, amounts: &[f64]) -> Vec<f64> {
         let level = &self.levels[scale.level];
-        let mut sums = vec![0.0; level.kernel.len()];
+        let mut sums = vec![0.0; level.spread.len()];
         amounts.iter().zip(&level.cluster).for_each(|(amount, cluster)| sums[*cluster as usize] += amount);
         sums
     }
 
     /// Amounts of clusters, smoothed.
     pub fn smooth(&self, scale: Scale, amounts: &[f64]) -> Vec<f64> {
-        if scale.smoothed { self.levels[scale.level].kernel.apply(amounts) } else { amounts.to_vec() }
+        let steps = if scale.smoothed { STEPS } else { 0 };
+        (0..steps).fold(amounts.to_vec(), |amounts, _| self.levels[scale.level].spread.apply(&amounts))
     }
 
     /// Variance of [`Levels::smooth`] of `amounts` that rays of amount 1 make up.
@@ -164,7 +184,7 @@ impl Levels {
             let level = &self.levels[scale.level];
             return (0..WINDOW_STEPS).fold(amounts.to_vec(), |amounts, _| level.spread.apply(&amounts));
         };
-        let mut sums = vec![0.0; coarser.kernel.len()];
+        let mut sums = vec![0.0; coarser.spread.len()];
         amounts.iter().zip(&coarser.parent).for_each(|(amount, parent)| sums[*parent as usize] += amount);
         let sums = (0..WINDOW_STEPS).fold(sums, |sums, _| coarser.spread.apply(&sums));
         coarser.parent.iter().map(|parent| sums[*parent as usize]).collect()
@@ -180,15 +200,12 @@ impl Levels {
 
     /// A number per cluster as a number per site, without steps from cluster to cluster.
     pub fn interpolate(&self, scale: Scale, values: Vec<f64>) -> Vec<f64> {
-        (0..scale.level).rev().fold(values, |values, finer| {
-            let children = self.levels[finer + 1].parent.iter().map(|parent| values[*parent as usize]).collect();
-            (0..STEPS).fold(children, |values: Vec<f64>, _| self.levels[finer].average.apply(&values))
-        })
+        (0..scale.level).rev().fold(values, |values, finer| self.levels[finer].finer.apply(&values))
     }
 }
 
 impl Level {
-    fn new(cluster: Vec<u32>, parent: Vec<u32>, edges: &[Edge], shared: bool) -> Level {
+    fn new(cluster: Vec<u32>, parent: Vec<u32>, points: &[DVec3], edges: &[Edge], shared: bool) -> Level {
         let count = cluster.iter().max().map_or(0, |last| *last as usize + 1);
         let mut joined: Vec<Vec<(u32, f64)>> = vec![Vec::new(); count];
         for (a, b, weight) in edges {
@@ -197,26 +214,62 @@ impl Level {
         }
         joined.iter_mut().for_each(|row| row.sort_by_key(|(other, _)| *other));
         let degrees: Vec<f64> = joined.iter().map(|row| row.iter().map(|(_, weight)| weight).sum()).collect();
-        let walk = |share: &dyn Fn(usize, usize) -> f64| {
-            let row = |k: usize| {
-                let stay = if degrees[k] > 0.0 { 0.5 } else { 1.0 };
-                let mut row = vec![(k as u32, stay)];
-                row.extend(joined[k].iter().map(|(other, weight)| (*other, 0.5 * weight / share(k, *other as usize))));
-                row
+        let spread = Rows::of(count, |k, row| {
+            row.push((k as u32, if degrees[k] > 0.0 { 0.5 } else { 1.0 }));
+            row.extend(joined[k].iter().map(|(giver, weight)| (*giver, 0.5 * weight / degrees[*giver as usize])));
+        });
+        drop(joined);
+        let noise = Rows::of(count, |k, row| {
+            let kernel = walked(&spread, k, STEPS);
+            // Rays shared between neighbours correlate them: as if each had walked one more step on one side of the product.
+            let other = if shared { walked(&spread, k, STEPS + 1) } else { kernel.clone() };
+            let mut others = other.iter().peekable();
+            for (site, a) in &kernel {
+                while others.next_if(|(at, _)| at < site).is_some() {}
+                if let Some((_, b)) = others.peek().filter(|(at, _)| at == site) {
+                    row.push((*site, a * b));
+                }
+            }
+        });
+        let (mut middles, mut members) = (vec![DVec3::ZERO; count], vec![0.0; count]);
+        for (cluster, point) in cluster.iter().zip(points) {
+            middles[*cluster as usize] += *point;
+            members[*cluster as usize] += 1.0;
+        }
+        middles.iter_mut().zip(members).for_each(|(middle, members)| *middle /= members);
+        Level { cluster, parent, spread, finer: Rows::default(), middles, noise }
+    }
+
+    /// How numbers of this level's clusters become numbers at the children's `middles`: means over the clusters that a child's own one
+    /// is joined to by two steps, weighted by a Gaussian of the distance, so that no border of a cluster shows.
+    fn interpolation(&self, middles: &[DVec3], pitch: f64) -> Rows {
+        Rows::of(middles.len(), |child, row| {
+            let weight = |other: u32| {
+                let distance = middles[child].distance(self.middles[other as usize]) / (BLUR * pitch);
+                (-0.5 * distance * distance).exp()
             };
-            Rows::of((0..count).map(row).collect())
-        };
-        let spread = walk(&|_, giver| degrees[giver]);
-        let average = walk(&|taker, _| degrees[taker]);
-        let kernel = (1..STEPS).fold(spread.times(&identity(count)), |kernel, _| kernel.times(&spread));
-        // Rays shared between neighbours correlate them: as if each had walked one more step on one side of the product.
-        let noise = if shared { kernel.matched(&kernel.times(&spread)) } else { kernel.matched(&kernel) };
-        Level { cluster, parent, spread, average, kernel, noise }
+            let parent = self.parent[child];
+            // The noise has an entry for each cluster within two steps.
+            row.extend(self.noise.row(parent as usize).iter().map(|(other, _)| (*other, weight(*other))));
+            let sum: f64 = row.iter().map(|(_, weight)| weight).sum();
+            if sum > 0.0 {
+                row.iter_mut().for_each(|(_, weight)| *weight /= sum);
+            } else {
+                *row = vec![(parent, 1.0)];
+            }
+        })
     }
 }
 
-fn identity(count: usize) -> Rows {
-    Rows::of((0..count as u32).map(|k| vec![(k, 1.0)]).collect())
+/// Where an amount of the sites from which `steps` of the walk lead to site `k` ends up there: row `k` of that power of `spread`.
+fn walked(spread: &Rows, k: usize, steps: usize) -> Vec<(u32, f64)> {
+    let mut row: Vec<(u32, f64)> = vec![(k as u32, 1.0)];
+    for _ in 0..steps {
+        let first: Vec<(u32, f32)> = row.iter().map(|(site, weight)| (*site, *weight as f32)).collect();
+        row.clear();
+        spread.times(&first, &mut row);
+    }
+    row
 }
 
 /// The cluster of each point on a lattice of `pitch`, numbered in the order of their first points; and how many there are.
