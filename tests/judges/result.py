@@ -7,7 +7,7 @@ import numpy as np
 from pygltflib import GLTF2
 
 SCHEMAS = Path(__file__).resolve().parents[2] / "openapi"
-WIDTH = {"SCALAR": 1, "VEC3": 3}
+WIDTH = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
 KIND = {5126: "<f4", 5125: "<u4"}
 
 
