@@ -48,8 +48,7 @@ impl Serialize for Numbers<'_> {
     }
 }
 
-/// A JSON array of rows of `columns` numbers each, all to the last digit that counts of the largest of them: what is smaller than
-/// that is 0.
+/// A JSON array of rows of `columns` numbers each, to a millionth of the power of ten below the largest of them: what is smaller is 0.
 pub struct Matrix<'a>(pub &'a [f64], pub usize);
 
 impl Serialize for Matrix<'_> {
@@ -58,7 +57,7 @@ impl Serialize for Matrix<'_> {
         let exponent = if largest > 0.0 { largest.log10().floor() as i32 } else { 0 };
         let digits = move |value: f64| {
             let own = if value > 0.0 { value.log10().floor() as i32 } else { exponent };
-            (ARRAY_DIGITS as i32 + own - exponent).min(ARRAY_DIGITS as i32)
+            (ARRAY_DIGITS as i32 + 1 + own - exponent).min(ARRAY_DIGITS as i32)
         };
         let counted =
             move |value: &f64| if digits(*value) > 0 { rounded(*value, digits(*value) as usize) } else { 0.0 };
