@@ -22,7 +22,7 @@ const STEPS_IN_BEAM: f64 = 12.0;
 const RAYS_PER_CELL: f64 = 1.0;
 /// Step of C unless asked otherwise, degrees.
 const C_STEP_DEG: f64 = 5.0;
-/// Many zones have steps twice as wide unless asked otherwise: what they cost is size.
+/// Many zones of a wide beam have steps twice as wide unless asked otherwise: what they cost is size.
 const MANY_ZONES: usize = 64;
 /// Steps of γ and C of the spectral grid to choose from, degrees: the finest is taken whose numbers are not too many.
 const SPECTRAL_STEPS_DEG: [(f64, f64); 4] = [(2.5, 5.0), (5.0, 10.0), (7.5, 15.0), (15.0, 30.0)];
@@ -74,26 +74,29 @@ pub struct Grids {
 }
 
 impl Grids {
-    /// For `zones` zones with `bands` bands. As asked, else: γ steps of at most a twelfth of the beam's full width at half maximum as
-    /// long as the beam's rays can fill such cells, C steps of 5°; the spectral grid as fine as there is room.
-    pub fn new(directions: &DirectionCube, options: &GoniogramOptions, zones: usize, bands: usize) -> Grids {
+    /// Steps of γ and C, degrees. As asked, else: γ steps of at most a twelfth of the beam's full width at half maximum as long as the
+    /// beam's rays can fill such cells, C steps of 5°. `many`: of many zones; those of a wide beam are twice as wide.
+    pub fn steps_deg(directions: &DirectionCube, options: &GoniogramOptions, many: bool) -> (f64, f64) {
         let beam = Beam::of(directions);
         let wanted_deg = (beam.full_width_deg() / STEPS_IN_BEAM).max(beam.cell_deg(RAYS_PER_CELL));
         let [coarsest, .., finest] = GAMMA_STEPS_DEG;
         let fitting = GAMMA_STEPS_DEG.into_iter().find(|step| *step <= wanted_deg).unwrap_or(finest);
         let chosen_deg = if beam.rays > 0.0 { fitting } else { coarsest };
+        let wider = if many && chosen_deg == coarsest { 2.0 } else { 1.0 };
+        (options.gamma_step_deg.unwrap_or(wider * chosen_deg), options.c_step_deg.unwrap_or(wider * C_STEP_DEG))
+    }
+
+    /// For `zones` zones with `bands` bands; the spectral grid as fine as there is room.
+    pub fn new(directions: &DirectionCube, options: &GoniogramOptions, zones: usize, bands: usize) -> Grids {
         let grid = |gamma_deg: f64, c_deg: f64| {
             SphereGrid::new((180.0 / gamma_deg).round() as usize, (360.0 / c_deg).round() as usize)
         };
-        let wider = if zones > MANY_ZONES { 2.0 } else { 1.0 };
+        let (gamma_deg, c_deg) = Grids::steps_deg(directions, options, zones > MANY_ZONES);
         let numbers = |grid: &SphereGrid| (grid.gamma_nodes() * grid.c_planes() * bands * (zones + 1)) as f64;
         let [.., coarsest] = SPECTRAL_STEPS_DEG.map(|(gamma_deg, c_deg)| grid(gamma_deg, c_deg));
         let spectral = SPECTRAL_STEPS_DEG.map(|(gamma_deg, c_deg)| grid(gamma_deg, c_deg));
         Grids {
-            fine: grid(
-                options.gamma_step_deg.unwrap_or(wider * chosen_deg),
-                options.c_step_deg.unwrap_or(wider * C_STEP_DEG),
-            ),
+            fine: grid(gamma_deg, c_deg),
             spectral: spectral.into_iter().find(|grid| numbers(grid) <= MOST_SPECTRAL_NUMBERS).unwrap_or(coarsest),
         }
     }

@@ -28,7 +28,7 @@ use crate::flux::Surface;
 use crate::flux::project::Projector;
 use crate::flux::tally::{Quanta, Tally};
 use crate::hull::{Cloud, Hull};
-use crate::source::{Ray, Spectral};
+use crate::source::{Ray, Source};
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::space::Frame;
@@ -44,8 +44,6 @@ const MOST_CELLS: f64 = 350_000.0;
 /// Most spectral columns of all cells of all zones together, and cells of a zone's coarsest spectral grid.
 const MOST_COLUMNS: f64 = 4e6;
 const COARSEST_CELLS: f64 = 134.0;
-/// Steps of γ and C of many zones unless asked for others, degrees.
-const MANY_STEPS_DEG: (f64, f64) = (5.0, 10.0);
 /// Most zones that follow the surface and have files of their own.
 const MOST_FILES: usize = 16;
 
@@ -104,7 +102,7 @@ pub fn measure(
     let asked = options.zones.map(|zones| (zones.columns, zones.rows));
     let mut zoning = match (asked, options.zoning.unwrap_or_default()) {
         (None, ZoneLayout::Auto) if options.smooths() => {
-            Zoning::along(hull, surface, frame, most_zones(options, &cloud.source.spectral))
+            Zoning::along(hull, surface, frame, most_zones(cloud.source, options))
         }
         _ => Zoning::on_lattice(hull, surface, frame, asked),
     };
@@ -152,12 +150,12 @@ pub fn measure(
     })
 }
 
-/// Most zones that follow the surface, so that all of their cells stay few: fine grids and many bands that were asked for leave room
-/// for fewer zones.
-fn most_zones(options: &GoniogramOptions, spectrum: &Spectral) -> usize {
-    let cells = 180.0 / options.gamma_step_deg.unwrap_or(MANY_STEPS_DEG.0) * 360.0
-        / options.c_step_deg.unwrap_or(MANY_STEPS_DEG.1);
-    let columns = COARSEST_CELLS * spectrum.column_count().max(1) as f64;
+/// Most zones that follow the surface, so that all of their cells stay few: narrow beams, fine grids and many bands leave room for
+/// fewer zones.
+fn most_zones(source: &Source, options: &GoniogramOptions) -> usize {
+    let (gamma_deg, c_deg) = Grids::steps_deg(&source.survey.directions, options, true);
+    let cells = 180.0 / gamma_deg * 360.0 / c_deg;
+    let columns = COARSEST_CELLS * source.spectral.column_count().max(1) as f64;
     ((MOST_CELLS / cells).min(MOST_COLUMNS / columns) as usize).clamp(1, MOST_ZONES)
 }
 
