@@ -18,9 +18,9 @@ pub fn smooth(hull: &Hull, vertices: &mut Amounts, ray: &Flux, spectral: &Spectr
     let areas_mm2 = hull.vertex_areas_mm2();
     let whole = refine(&levels, vertices.primary(), &areas_mm2, ray.primary()).amounts;
     let column_ray = if spectral.has_bands() { ray.primary() } else { ray.luminous_lm.unwrap_or(0.0) };
-    let lit: Vec<usize> = lit_columns(vertices);
+    let lit = vertices.lit_columns();
     let smooth_column = |column: &usize| -> Vec<f64> {
-        let counted: Vec<f64> = vertices.columns.iter().skip(*column).step_by(vertices.column_count).copied().collect();
+        let counted = vertices.column(*column);
         if lit.len() == 1 {
             scaled(&whole, counted.iter().sum())
         } else {
@@ -39,24 +39,10 @@ pub fn smooth(hull: &Hull, vertices: &mut Amounts, ray: &Flux, spectral: &Spectr
             None => whole.clone(),
         };
     }
-    for (column, values) in lit.iter().zip(&columns) {
-        let slots = vertices.columns.iter_mut().skip(*column).step_by(vertices.column_count);
-        slots.zip(values).for_each(|(slot, value)| *slot = *value);
-    }
+    lit.iter().zip(&columns).for_each(|(column, values)| vertices.set_column(*column, values));
     if let Some(radiant) = &mut vertices.radiant_w {
         *radiant = whole;
     }
-}
-
-/// Columns that hold light.
-fn lit_columns(vertices: &Amounts) -> Vec<usize> {
-    vertices
-        .column_totals()
-        .into_iter()
-        .enumerate()
-        .filter(|(_, total)| *total > 0.0)
-        .map(|(column, _)| column)
-        .collect()
 }
 
 /// `form` with the sum `total`.

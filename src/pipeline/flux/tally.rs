@@ -223,6 +223,23 @@ impl Amounts {
         totals
     }
 
+    /// The columns that hold light.
+    pub fn lit_columns(&self) -> Vec<usize> {
+        let totals = self.column_totals();
+        (0..self.column_count).filter(|column| totals[*column] > 0.0).collect()
+    }
+
+    /// One column of all sites.
+    pub fn column(&self, column: usize) -> Vec<f64> {
+        self.columns.iter().skip(column).step_by(self.column_count).copied().collect()
+    }
+
+    /// Replaces one column of all sites.
+    pub fn set_column(&mut self, column: usize, values: &[f64]) {
+        let slots = self.columns.iter_mut().skip(column).step_by(self.column_count);
+        slots.zip(values).for_each(|(slot, value)| *slot = *value);
+    }
+
     /// The sites `range` alone.
     pub fn slice(&self, range: std::ops::Range<usize>) -> Amounts {
         let cut = |values: &Option<Vec<f64>>| values.as_ref().map(|values| values[range.clone()].to_vec());

@@ -93,8 +93,8 @@ impl Grids {
         };
         let (gamma_deg, c_deg) = Grids::steps_deg(directions, options, zones > MANY_ZONES);
         let numbers = |grid: &SphereGrid| (grid.gamma_nodes() * grid.c_planes() * bands * (zones + 1)) as f64;
-        let [.., coarsest] = SPECTRAL_STEPS_DEG.map(|(gamma_deg, c_deg)| grid(gamma_deg, c_deg));
         let spectral = SPECTRAL_STEPS_DEG.map(|(gamma_deg, c_deg)| grid(gamma_deg, c_deg));
+        let [.., coarsest] = spectral.clone();
         Grids {
             fine: grid(gamma_deg, c_deg),
             spectral: spectral.into_iter().find(|grid| numbers(grid) <= MOST_SPECTRAL_NUMBERS).unwrap_or(coarsest),
@@ -158,11 +158,9 @@ impl Grids {
         let solid_angles_sr = self.spectral.cell_solid_angles_sr();
         let at = |((c, gamma), sr): ((f64, f64), f64)| self.fine.interpolate(&nodes, c, gamma) * sr;
         let form: Vec<f64> = self.spectral.cell_nodes().into_iter().zip(solid_angles_sr).map(at).collect();
-        let width = zone.spectral.column_count;
-        let totals = zone.spectral.column_totals();
-        let lit: Vec<usize> = (0..width).filter(|column| totals[*column] > 0.0).collect();
+        let (totals, lit) = (zone.spectral.column_totals(), zone.spectral.lit_columns());
         let smooth = |column: &usize| -> Vec<f64> {
-            let counted: Vec<f64> = zone.spectral.columns.iter().skip(*column).step_by(width).copied().collect();
+            let counted = zone.spectral.column(*column);
             if lit.len() == 1 { counted } else { coarse.like(&counted, &form, ray) }
         };
         let mut columns: Vec<Vec<f64>> = lit.iter().map(smooth).collect();
@@ -176,8 +174,8 @@ impl Grids {
         for (column, values) in lit.iter().zip(&columns) {
             let sum: f64 = values.iter().sum();
             let scale = if sum > 0.0 { totals[*column] / sum } else { 0.0 };
-            let slots = zone.spectral.columns.iter_mut().skip(*column).step_by(width);
-            slots.zip(values).for_each(|(slot, value)| *slot = value * scale);
+            let values: Vec<f64> = values.iter().map(|value| value * scale).collect();
+            zone.spectral.set_column(*column, &values);
         }
     }
 
