@@ -33,6 +33,8 @@ pub mod flux;
 pub mod goniogram;
 /// 5. What a renderer needs: the radiance of a point and a direction.
 pub mod model;
+/// Which surface the light is put on, by rays held out.
+pub mod candidates;
 /// 6. Results to files.
 pub mod artifacts;
 /// What a run needs of the machine.
@@ -59,6 +61,9 @@ pub use writing::Artifact;
 use source::Source;
 use vocabulary::watch::StageWatch;
 
+/// Part of the hull's progress that the choice of its surface is.
+const CHOICE: f64 = 0.8;
+
 /// What a run gives back.
 #[derive(Debug)]
 pub struct Outcome {
@@ -77,18 +82,13 @@ pub struct Outcome {
 pub fn run(inputs: &[Input], options: &Options, limits: &Limits, watch: &dyn Watch) -> Result<Outcome, Error> {
     options.validate()?;
     let source = Source::read(inputs, &options.rays, limits, StageWatch::enter(watch, Stage::Rays)?)?;
-    let cloud = hull::cloud::emission(&source, options.hull.emission.unwrap_or_default());
-    let hull = hull::wrap(&cloud, &options.hull, limits, StageWatch::enter(watch, Stage::Hull)?)?;
-    let surface = flux::project(&cloud, &hull, &options.flux, limits, StageWatch::enter(watch, Stage::Flux)?)?;
-    let goniograms = goniogram::measure(
-        &cloud,
-        &hull,
-        &surface,
-        &options.goniogram,
-        limits,
-        StageWatch::enter(watch, Stage::Goniogram)?,
-    )?;
-    let model = model::Model::new(&source, hull, surface, goniograms, StageWatch::enter(watch, Stage::Model)?)?;
+    let hull_stage = StageWatch::enter(watch, Stage::Hull)?;
+    let choice = candidates::choose(&source, options, limits, hull_stage.part(0.0, CHOICE))?;
+    let cloud = hull::Cloud::new(&source, choice.patch);
+    let model = model::Model::build(&cloud, options, limits, |stage| match stage {
+        Stage::Hull => Ok(hull_stage.part(CHOICE, 1.0)),
+        stage => StageWatch::enter(watch, stage),
+    })?;
     let artifacts = artifacts::write(&model, options, StageWatch::enter(watch, Stage::Artifacts)?)?;
     let notices = model.notices.iter().cloned().chain(artifacts::notices(&model).to_vec()).collect();
     Ok(Outcome { model, artifacts, notices })

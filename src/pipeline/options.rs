@@ -56,7 +56,7 @@ pub struct RaysOptions {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct HullOptions {
-    /// Which points of the rays are taken as the emitting surface. Default: origins.
+    /// Which points of the rays are taken as the emitting surface. Default: auto; origins with the paper's zones.
     pub emission: Option<Emission>,
     /// Number of cells along the longest edge of the bounding box of the emission. Default: follows from the number of rays.
     #[schemars(range(min = *RESOLUTION.start(), max = *RESOLUTION.end()))]
@@ -135,9 +135,14 @@ pub struct Zones {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Emission {
-    /// The ray origins as given: the paper's form.
+    /// Whichever of the following predicts rays best that the model was not made of.
     #[default]
+    Auto,
+    /// The ray origins as given: the paper's form.
     Origins,
+    /// Where the rays' lines meet the plane or the sphere across the main direction on which the light is sharpest; rays that do
+    /// not meet it well keep their origins.
+    Focus,
 }
 
 /// Where the glTF file has the vertex spectra.
@@ -178,14 +183,19 @@ impl Options {
         self.goniogram.validate()
     }
 
+    /// Which points of the rays are taken as the emitting surface.
+    pub fn emission(&self) -> Emission {
+        let or_default = if self.goniogram.zoning() == ZoneLayout::Paper { Emission::Origins } else { Emission::Auto };
+        self.hull.emission.unwrap_or(or_default)
+    }
+
     /// These choices, with the default in the place of what was left out where that does not depend on the source.
     #[must_use]
     pub fn with_defaults(&self) -> Options {
         let mut all = self.clone();
-        all.hull.emission.get_or_insert_default();
+        all.hull.emission = Some(self.emission());
         all.flux.smoothing.get_or_insert(true);
-        let paper = all.goniogram.zones.is_some() || !all.goniogram.smooths();
-        all.goniogram.zoning.get_or_insert(if paper { ZoneLayout::Paper } else { ZoneLayout::Auto });
+        all.goniogram.zoning = Some(self.goniogram.zoning());
         all.goniogram.smoothing.get_or_insert(true);
         all.artifacts.spectra.get_or_insert_default();
         all.artifacts.ies_edition.get_or_insert_default();
@@ -270,6 +280,12 @@ impl GoniogramOptions {
     /// Whether the intensities are smoothed.
     pub fn smooths(&self) -> bool {
         self.smoothing.unwrap_or(true)
+    }
+
+    /// Where zones lie.
+    pub fn zoning(&self) -> ZoneLayout {
+        let paper = self.zones.is_some() || !self.smooths();
+        self.zoning.unwrap_or(if paper { ZoneLayout::Paper } else { ZoneLayout::Auto })
     }
 
     /// What can be said of the options without a source.

@@ -134,6 +134,7 @@ fn rectangle() -> Hull {
         cell_mm: DVec3::new(0.25, 0.25, 1e-6),
         resolution: 8,
         max_edge_mm: 0.5,
+        focal: None,
         notices: Notices::default(),
     }
 }

@@ -8,6 +8,7 @@
 
 use super::bvh::Bvh;
 use crate::hull::Hull;
+use crate::hull::focal::FocalGrid;
 use crate::source::Ray;
 use crate::vocabulary::space::Bounds;
 use glam::DVec3;
@@ -33,7 +34,11 @@ pub struct Landing {
 }
 
 /// Lays rays on a hull.
-pub struct Projector {
+pub struct Projector<'a> {
+    /// The grid that rays are slid to, with the first triangles of the hull.
+    focal: Option<&'a FocalGrid>,
+    /// How many triangles the index leaves to it.
+    first: usize,
     /// Corners of each triangle, mm: side by side, because every ray asks for many.
     corners_mm: Vec<[DVec3; 3]>,
     bvh: Bvh,
@@ -41,21 +46,32 @@ pub struct Projector {
     tolerance_mm: f64,
 }
 
-impl Projector {
+impl<'a> Projector<'a> {
     /// Indexes `hull`.
-    pub fn new(hull: &Hull) -> Projector {
-        let corners_mm: Vec<[DVec3; 3]> = (0..hull.triangles.len()).map(|triangle| hull.corners_mm(triangle)).collect();
+    pub fn new(hull: &'a Hull) -> Projector<'a> {
+        let focal = hull.focal.as_ref();
+        let first = focal.map_or(0, |grid| grid.triangle_count);
+        let corners_mm: Vec<[DVec3; 3]> =
+            (first..hull.triangles.len()).map(|triangle| hull.corners_mm(triangle)).collect();
         let boxes: Vec<Bounds> = corners_mm.iter().map(|corners| Bounds::of(*corners)).collect();
-        Projector { corners_mm, bvh: Bvh::new(&boxes), tolerance_mm: hull.cell_mm.length() }
+        let cell_mm = focal.map_or(hull.cell_mm, |grid| grid.loose_cell_mm);
+        Projector { focal, first, corners_mm, bvh: Bvh::new(&boxes), tolerance_mm: cell_mm.length() }
     }
 
     /// Where `ray` lands; `None` when it is rejected.
     pub fn land(&self, ray: &Ray) -> Option<Landing> {
+        if let Some((triangle, shares)) = self.focal.and_then(|grid| grid.land(ray)) {
+            return Some(Landing { triangle, shares, fate: Fate::Hit });
+        }
+        if self.corners_mm.is_empty() {
+            return None;
+        }
         let landing = |(triangle, t): (usize, f64)| {
             let point_mm = ray.origin_mm + t * ray.direction;
             Landing { triangle, shares: barycentric(self.corners_mm[triangle], point_mm), fate: Fate::Hit }
         };
-        self.crossing(ray).map(landing).or_else(|| self.snap(ray.origin_mm))
+        let landing = self.crossing(ray).map(landing).or_else(|| self.snap(ray.origin_mm))?;
+        Some(Landing { triangle: self.first + landing.triangle, ..landing })
     }
 
     /// Triangle and signed distance along the ray where its line lands.
@@ -188,6 +204,7 @@ mod tests {
             cell_mm: DVec3::splat(0.1),
             resolution: 1,
             max_edge_mm: 1.0,
+            focal: None,
             notices: Notices::default(),
         }
     }

@@ -100,7 +100,7 @@ pub fn measure(
 ) -> Result<Goniograms, Error> {
     let frame = orientation::frame(&cloud.source.survey.directions, options)?;
     let asked = options.zones.map(|zones| (zones.columns, zones.rows));
-    let mut zoning = match (asked, options.zoning.unwrap_or_default()) {
+    let mut zoning = match (asked, options.zoning()) {
         (None, ZoneLayout::Auto) if options.smooths() => {
             Zoning::along(hull, surface, frame, most_zones(cloud.source, options))
         }

@@ -3,32 +3,53 @@
 //! Rays are lines; in air the radiance along a line does not change, so an emission point may be any point of its ray without
 //! changing any light outside. The paper takes the origins as given.
 
+use super::focal::FocalPatch;
 use crate::error::Error;
-use crate::options::Emission;
+use crate::rays::chunks;
 use crate::source::Ray;
 use crate::source::Source;
 use crate::vocabulary::space::Bounds;
 use crate::vocabulary::watch::StageWatch;
 
-/// A source seen as emission points: every [`Ray::origin_mm`] that comes out of here is an emission point.
+/// Rays of a sample in one chunk.
+const CHUNK_RAYS: usize = 4096;
+
+/// The rays of a source, or of a sample of it, and the surface they are slid to.
+#[derive(Clone, Copy)]
 pub struct Cloud<'a> {
-    /// The rays.
+    /// The source.
     pub source: &'a Source,
-    /// The rule that turns an origin into an emission point.
-    pub emission: Emission,
-    /// Box of the emission points, mm.
-    pub bounds_mm: Bounds,
+    /// Where rays that fit are slid to; `None`: every origin is an emission point.
+    pub patch: Option<FocalPatch>,
+    /// Rays that stand for all; `None`: all.
+    sample: Option<&'a [Ray]>,
 }
 
-/// The emission points of `source`.
-pub fn emission(source: &Source, emission: Emission) -> Cloud<'_> {
-    match emission {
-        Emission::Origins => Cloud { source, emission, bounds_mm: source.survey.bounds_mm },
+impl<'a> Cloud<'a> {
+    /// All rays of `source`.
+    pub fn new(source: &'a Source, patch: Option<FocalPatch>) -> Cloud<'a> {
+        Cloud { source, patch, sample: None }
     }
-}
 
-impl Cloud<'_> {
-    /// One pass over all emission points: as [`Source::fold`].
+    /// Rays that stand for all of `source`: their fluxes add up to its flux.
+    pub fn sampled(source: &'a Source, rays: &'a [Ray], patch: Option<FocalPatch>) -> Cloud<'a> {
+        Cloud { source, patch, sample: Some(rays) }
+    }
+
+    /// How many rays there are.
+    pub fn ray_count(&self) -> u64 {
+        self.sample.map_or(self.source.survey.rays_used, |rays| rays.len() as u64)
+    }
+
+    /// Box of the origins, mm.
+    pub fn bounds_mm(&self) -> Bounds {
+        match self.sample {
+            Some(rays) => Bounds::of(rays.iter().map(|ray| ray.origin_mm)),
+            None => self.source.survey.bounds_mm,
+        }
+    }
+
+    /// One pass over all rays: as [`Source::fold`].
     ///
     /// # Errors
     /// As [`Source::fold`].
@@ -36,15 +57,26 @@ impl Cloud<'_> {
         &self,
         watch: StageWatch<'_>,
         start: A,
-        work: impl Fn(&[Ray]) -> Result<T, Error> + Sync,
-        merge: impl FnMut(&mut A, T),
+        work: impl Fn(&[Ray]) -> Result<T, Error> + Sync + Send,
+        mut merge: impl FnMut(&mut A, T),
     ) -> Result<A, Error> {
-        match self.emission {
-            Emission::Origins => self.source.fold(watch, start, work, merge),
-        }
+        let Some(rays) = self.sample else { return self.source.fold(watch, start, work, merge) };
+        let count = rays.len().div_ceil(CHUNK_RAYS);
+        let chunk = |first: usize| &rays[first..rays.len().min(first + CHUNK_RAYS)];
+        chunks::in_order(
+            count as u64,
+            watch,
+            start,
+            || (),
+            |(), number| work(chunk(number as usize * CHUNK_RAYS)),
+            |answer, part| {
+                merge(answer, part);
+                Ok(())
+            },
+        )
     }
 }
 
-/// One pass over all emission points: shows every chunk to the visitor, on any thread and in any order, so what a visitor
+/// One pass over emission points: shows every chunk to the visitor, on any thread and in any order, so what a visitor
 /// gathers must not depend on either.
 pub type Pass<'a> = dyn Fn(StageWatch<'_>, &(dyn Fn(&[Ray]) + Sync)) -> Result<(), Error> + 'a;

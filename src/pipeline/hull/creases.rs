@@ -147,6 +147,7 @@ mod tests {
             cell_mm: DVec3::splat(1.0 / f64::from(n)),
             resolution: n,
             max_edge_mm: 1.0,
+            focal: None,
             notices: Notices::default(),
         }
     }

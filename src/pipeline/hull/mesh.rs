@@ -1,5 +1,6 @@
 //! Vertices, triangles, areas, normals.
 
+use super::focal::FocalGrid;
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::space::Bounds;
 use glam::DVec3;
@@ -38,6 +39,8 @@ pub struct Hull {
     pub resolution: u32,
     /// The size filter that was used, mm.
     pub max_edge_mm: f64,
+    /// The grid of a focal surface, whose triangles come first; `None` where every ray keeps its origin.
+    pub focal: Option<FocalGrid>,
     /// What happened on the way.
     pub notices: Notices,
 }

@@ -5,6 +5,8 @@
 
 /// From rays to emission points.
 pub mod cloud;
+/// Planes and spheres where the light is sharper than where the rays start.
+pub mod focal;
 /// The regular lattice the six views share.
 mod lattice;
 /// Pass 1: how many emission points lie in each cell; which resolution they carry; strays.
@@ -57,14 +59,32 @@ const MAX_EDGE_DIAGONALS: f64 = 4.0;
 /// # Errors
 /// [`Error::Unusable`] for options out of range; [`Error::Refused`] above [`Limits::max_lattice_cells`]; [`Error::Cancelled`].
 pub fn wrap(cloud: &Cloud<'_>, options: &HullOptions, limits: &Limits, watch: StageWatch<'_>) -> Result<Hull, Error> {
-    let pass = |watch: StageWatch<'_>, visit: &(dyn Fn(&[Ray]) + Sync)| {
-        let visit_chunk = |rays: &[Ray]| {
-            visit(rays);
-            Ok(())
+    let Some(patch) = cloud.patch else {
+        let pass = |watch: StageWatch<'_>, visit: &(dyn Fn(&[Ray]) + Sync)| {
+            let visit_chunk = |rays: &[Ray]| {
+                visit(rays);
+                Ok(())
+            };
+            cloud.fold(watch, (), visit_chunk, |(), ()| ())
         };
-        cloud.fold(watch, (), visit_chunk, |(), ()| ())
+        return Ok(creases::cut(wrap_points(&pass, cloud.bounds_mm(), options, limits, watch)?));
     };
-    Ok(creases::cut(wrap_points(&pass, cloud.bounds_mm, options, limits, watch)?))
+    options.validate()?;
+    focal::hull(cloud, patch, options.resolution, watch, |watch| {
+        let loose = |rays: &[Ray]| -> Vec<Ray> { rays.iter().filter(|ray| patch.meet(ray).is_none()).copied().collect() };
+        let pass = |watch: StageWatch<'_>, visit: &(dyn Fn(&[Ray]) + Sync)| {
+            let visit_chunk = |rays: &[Ray]| {
+                visit(&loose(rays));
+                Ok(())
+            };
+            cloud.fold(watch, (), visit_chunk, |(), ()| ())
+        };
+        let bounds_of = |rays: &[Ray]| Ok(Bounds::of(loose(rays).iter().map(|ray| ray.origin_mm)));
+        let bounds_mm =
+            cloud.fold(watch.part(0.0, 0.2), Bounds::EMPTY, bounds_of, |all, part| *all = all.union(part))?;
+        let options = HullOptions { resolution: None, ..options.clone() };
+        Ok(creases::cut(wrap_points(&pass, bounds_mm, &options, limits, watch.part(0.2, 1.0))?))
+    })
 }
 
 /// The order of the steps.

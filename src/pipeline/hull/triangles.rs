@@ -41,6 +41,7 @@ pub fn build(joined: &Joined, places: &[Placed], lattice: &Lattice, max_edge_mm:
         cell_mm: lattice.cell_mm,
         resolution: lattice.resolution(),
         max_edge_mm,
+        focal: None,
         notices,
     };
     drop_unused_vertices(&mut hull);

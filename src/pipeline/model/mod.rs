@@ -8,13 +8,15 @@ pub mod evaluation;
 pub mod channel;
 
 use crate::error::Error;
-use crate::flux::Surface;
-use crate::goniogram::Goniograms;
-use crate::hull::Hull;
-use crate::source::{Source, Spectral};
+use crate::flux::{self, Surface};
+use crate::goniogram::{self, Goniograms};
+use crate::hull::{self, Cloud, Hull};
+use crate::options::Options;
+use crate::source::Spectral;
+use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notice;
 use crate::vocabulary::units::Flux;
-use crate::vocabulary::watch::StageWatch;
+use crate::vocabulary::watch::{Stage, StageWatch};
 use channel::Origin;
 
 /// A continuous source model.
@@ -37,21 +39,25 @@ pub struct Model {
 }
 
 impl Model {
-    /// Puts the results of the stages together.
+    /// Makes the model of `cloud`: hull, flux, goniograms, each with its own watch.
     ///
     /// # Errors
-    /// [`Error::Cancelled`].
-    pub fn new(
-        source: &Source,
-        hull: Hull,
-        surface: Surface,
-        goniograms: Goniograms,
-        watch: StageWatch<'_>,
+    /// Those of the stages.
+    pub fn build<'w>(
+        cloud: &Cloud<'_>,
+        options: &Options,
+        limits: &Limits,
+        watch: impl Fn(Stage) -> Result<StageWatch<'w>, Error>,
     ) -> Result<Model, Error> {
+        let hull = hull::wrap(cloud, &options.hull, limits, watch(Stage::Hull)?)?;
+        let surface = flux::project(cloud, &hull, &options.flux, limits, watch(Stage::Flux)?)?;
+        let goniograms =
+            goniogram::measure(cloud, &hull, &surface, &options.goniogram, limits, watch(Stage::Goniogram)?)?;
+        let source = cloud.source;
         let stages = [&source.findings, &source.notices, &hull.notices, &surface.notices, &goniograms.notices];
         let notices = stages.into_iter().flat_map(|notices| notices.to_vec()).collect();
         let origins = source.channels.iter().map(Origin::of).collect();
-        watch.step(1.0)?;
+        watch(Stage::Model)?.step(1.0)?;
         Ok(Model { origins, flux: source.flux, spectral: source.spectral.clone(), hull, surface, goniograms, notices })
     }
 

@@ -1,0 +1,163 @@
+//! Which surface the light is put on: the hull of the origins, a plane or a sphere on which it is sharper. A model of each is made of a part
+//! of a sample of the rays; the one that predicts the rays held out best is taken, the simpler one unless the other is surely better.
+//!
+//! Radiance does not change along a line, so models on different surfaces compare by the radiance they give to the lines of rays
+//! they were not made of: the larger its mean logarithm, the better (the likelihood of the rays).
+
+/// Rays to build candidates of, and rays to judge them by.
+mod sample;
+/// Planes and spheres on which the light is sharpest.
+mod sharpness;
+
+use crate::error::Error;
+use crate::flux::project::Projector;
+use crate::hull::Cloud;
+use crate::hull::focal::FocalPatch;
+use crate::model::Model;
+use crate::model::evaluation::{Evaluator, Quantity};
+use crate::options::{Emission, Options};
+use crate::source::{Ray, Source};
+use crate::vocabulary::limits::Limits;
+use crate::vocabulary::watch::StageWatch;
+use rayon::prelude::*;
+use sample::Sample;
+use sharpness::{Search, Sharp, extent_mm, weight};
+use std::f64::consts::PI;
+
+/// A focal surface is a candidate where its light is so much sharper than on a flat source's own plane, and a sphere where it is so much
+/// sharper than on the best plane: gain of the mean logarithm of the radiance.
+const WORTH_TRYING: f64 = 0.005;
+/// A later candidate must be better by so many standard errors.
+const SURELY: f64 = 2.0;
+/// Part of the light that every model is taken to send from anywhere in any direction, so that no ray is impossible.
+const ANYWHERE: f64 = 1e-3;
+/// Cosines below this count as this: radiance along a surface has no meaning.
+const LEAST_COSINE: f64 = 0.01;
+/// A cloud is flat whose extent along the main direction is at most this part of its size.
+const FLAT: f64 = 1e-4;
+
+/// A surface that was tried.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// Where rays are slid to; `None`: they keep their origins.
+    pub patch: Option<FocalPatch>,
+    /// Mean logarithm of the radiance that its model gives to the lines of the rays held out, their flux 1, mm and sr.
+    pub log_radiance: f64,
+    /// By how much that is more than the best candidate before it, and the standard error of this; `None` of the first.
+    pub gain: Option<(f64, f64)>,
+}
+
+/// What was chosen, and from what.
+#[derive(Clone, Debug, Default)]
+pub struct Choice {
+    /// Where rays are slid to.
+    pub patch: Option<FocalPatch>,
+    /// All that were tried, the simplest first; empty where nothing was to choose.
+    pub candidates: Vec<Candidate>,
+    /// Rays the candidates were made of, and rays they were judged by.
+    pub rays: [usize; 2],
+}
+
+/// Chooses the surface of `source` as the options say.
+///
+/// # Errors
+/// `emission.no_focus` where a focal surface was asked for and there is none; those of the stages.
+pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageWatch<'_>) -> Result<Choice, Error> {
+    let emission = options.emission();
+    if emission == Emission::Origins {
+        return Ok(Choice::default());
+    }
+    let sample = Sample::take(source, watch.part(0.0, 0.1))?;
+    let mut patches: Vec<Option<FocalPatch>> = focal_patches(&sample, source, emission == Emission::Auto);
+    if emission == Emission::Auto {
+        patches.insert(0, None);
+    }
+    watch.step(0.2)?;
+    if let [only] = patches[..] {
+        return Ok(Choice { patch: only, ..Choice::default() });
+    }
+    let mut best: Option<(usize, Vec<f64>)> = None;
+    let mut candidates = Vec::new();
+    let part = |k: usize| 0.2 + 0.8 * k as f64 / patches.len() as f64;
+    for (k, patch) in patches.iter().enumerate() {
+        let cloud = Cloud::sampled(source, &sample.training, *patch);
+        let part = watch.part(part(k), part(k + 1));
+        let model = Model::build(&cloud, options, limits, |_| Ok(part))?;
+        let judged = log_radiances(&model, source, &sample.held_out);
+        let gain = best.as_ref().map(|(_, best)| gain(&judged, best, &sample.held_out));
+        candidates.push(Candidate { patch: *patch, log_radiance: mean(&judged, &sample.held_out), gain });
+        if gain.is_none_or(|(gain, error)| gain > SURELY * error) {
+            best = Some((k, judged));
+        }
+    }
+    for c in &candidates { eprintln!("CAND {:?} ll {:.4} gain {:?}", c.patch.map(|p| (p.surface.apex_mm, p.surface.curvature_per_mm, p.min_mm, p.max_mm)), c.log_radiance, c.gain); }
+    match best {
+        Some((best, _)) => Ok(Choice {
+            patch: patches[best],
+            candidates,
+            rays: [sample.training.len(), sample.held_out.len()],
+        }),
+        None => Err(no_focus()),
+    }
+}
+
+fn no_focus() -> Error {
+    Error::unusable(
+        "emission.no_focus",
+        "hull.emission",
+        "The rays have no surface on which they are sharper than anywhere else.",
+        "Choose hull.emission = auto or origins.",
+    )
+}
+
+/// The sharpest plane, and the sharpest sphere where it is sharper; none where they are no better than a flat source's own plane, if
+/// `only_where_better`.
+fn focal_patches(sample: &Sample, source: &Source, only_where_better: bool) -> Vec<Option<FocalPatch>> {
+    let Some(search) = Search::new(&sample.training) else { return Vec::new() };
+    let [plane, sphere] = search.sharpest();
+    let size_mm = source.survey.bounds_mm.size();
+    let is_flat = |axis: glam::DVec3| size_mm.dot(axis.abs()) < FLAT * size_mm.length();
+    let given = search.given().filter(|given| only_where_better && is_flat(given.surface.axes.z_axis));
+    let better = |sharp: Option<Sharp>, than: Option<Sharp>| {
+        sharp.filter(|sharp| than.is_none_or(|than| sharp.log_radiance > than.log_radiance + WORTH_TRYING))
+    };
+    let plane = better(plane, given);
+    let sphere = better(sphere, plane.or(given));
+    let patch = |sharp: Sharp| {
+        let [min_mm, max_mm] = extent_mm(&sharp.surface, &sample.training)?;
+        Some(FocalPatch { surface: sharp.surface, min_mm, max_mm })
+    };
+    plane.into_iter().chain(sphere).filter_map(patch).map(Some).collect()
+}
+
+/// Logarithm of the radiance that `model` gives to the line of each ray, its flux 1.
+fn log_radiances(model: &Model, source: &Source, rays: &[Ray]) -> Vec<f64> {
+    let quantity = if source.flux.radiant_w.is_some() { Quantity::Radiant } else { Quantity::Luminous };
+    let flux = source.flux.primary();
+    let anywhere = 1.0 / (4.0 * PI * source.survey.bounds_mm.size().length_squared()).max(f64::MIN_POSITIVE);
+    let projector = Projector::new(&model.hull);
+    let Some(evaluator) = Evaluator::new(model, quantity) else { return vec![anywhere.ln(); rays.len()] };
+    let radiance = |ray: &Ray| {
+        let Some(landing) = projector.land(ray) else { return 0.0 };
+        let cosine = ray.direction.dot(model.hull.normal(landing.triangle)).abs().max(LEAST_COSINE);
+        let exitance = evaluator.exitance(landing.triangle, landing.shares);
+        exitance * evaluator.distribution(landing.triangle, landing.shares, ray.direction) / cosine / flux
+    };
+    rays.par_iter().map(|ray| ((1.0 - ANYWHERE) * radiance(ray) + ANYWHERE * anywhere).ln()).collect()
+}
+
+/// Flux-weighted mean over rays.
+fn mean(values: &[f64], rays: &[Ray]) -> f64 {
+    let flux: f64 = rays.iter().map(weight).sum();
+    values.iter().zip(rays).map(|(value, ray)| weight(ray) * value).sum::<f64>() / flux
+}
+
+/// Mean of the differences, and its standard error.
+fn gain(values: &[f64], before: &[f64], rays: &[Ray]) -> (f64, f64) {
+    let differences: Vec<f64> = values.iter().zip(before).map(|(value, before)| value - before).collect();
+    let mean = mean(&differences, rays);
+    let flux: f64 = rays.iter().map(weight).sum();
+    let square: f64 =
+        differences.iter().zip(rays).map(|(difference, ray)| (weight(ray) * (difference - mean)).powi(2)).sum();
+    (mean, square.sqrt() / flux)
+}

@@ -1,0 +1,346 @@
+//! Where the light is sharpest: planes and spheres across the main direction, each judged by how well a radiance that is a function of
+//! place times a function of direction on it predicts half of the rays, when it is learnt from the other half.
+
+use crate::hull::focal::FocalSurface;
+use crate::source::Ray;
+use crate::vocabulary::space::Axis;
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+use std::f64::consts::{PI, TAU};
+
+/// Most rays that are looked at.
+const MOST_RAYS: usize = 20_000;
+/// Fewer tell nothing.
+const FEWEST_RAYS: usize = 1000;
+/// Without a mean direction of this length (a Lambertian surface has 2/3) light has no main direction to lie across.
+const DIRECTED: f64 = 0.25;
+/// A main direction within this cosine, 3°, of an axis of the frame is that axis.
+const ALONG_AXIS: f64 = 0.9986;
+/// Least part of the flux that must meet a surface.
+const MEETS: f64 = 0.98;
+/// Halvings of the places: a few tens of rays are left in each.
+const HALVINGS: u32 = 9;
+/// Bins of directions, by the angle from the axis and round it.
+const BINS: [usize; 2] = [24, 48];
+/// Cosines below this count as this.
+const LEAST_COSINE: f64 = 0.02;
+/// Rounds in which place and direction are fitted to each other on a curved surface.
+const ROUNDS: usize = 3;
+/// Sizes of a source in front of and behind its rays' origins where surfaces are looked for, depths and curvatures (in units of two
+/// over the size) that are tried first, and halvings of the steps after.
+const BEHIND: f64 = 1.0;
+const PLANES: usize = 25;
+const DEPTHS: usize = 9;
+const CURVATURES: [f64; 8] = [-0.9, -0.6, -0.3, 0.2, 0.4, 0.7, 1.0, 1.4];
+const REFINEMENTS: usize = 6;
+/// Parts of the flux left aside on each side of a patch on a plane and on a sphere, ...
+const ASIDE: [f64; 2] = [5e-4, 1e-4];
+/// ... unless the whole is at most so many times as long.
+const NEARLY_WHOLE: f64 = 1.3;
+
+/// A surface, and how sharp the light is on it.
+#[derive(Clone, Copy, Debug)]
+pub struct Sharp {
+    /// The surface.
+    pub surface: FocalSurface,
+    /// Mean logarithm of the radiance that is predicted for the rays held out, their flux 1, mm and sr.
+    pub log_radiance: f64,
+}
+
+/// The rays by which surfaces are judged.
+pub struct Search {
+    rays: Vec<Ray>,
+    axis: DVec3,
+    center_mm: DVec3,
+    size_mm: f64,
+}
+
+impl Search {
+    /// Over some of `rays`, which are in random order; `None` where the light has no main direction.
+    pub fn new(rays: &[Ray]) -> Option<Search> {
+        let rays: Vec<Ray> = rays.iter().take(MOST_RAYS).copied().collect();
+        let flux: f64 = rays.iter().map(weight).sum();
+        let mean: DVec3 = rays.iter().map(|ray| weight(ray) * ray.direction).sum::<DVec3>() / flux;
+        if rays.len() < FEWEST_RAYS || mean.is_nan() || mean.length() < DIRECTED {
+            return None;
+        }
+        let nearest = Axis::nearest(mean).vector();
+        let axis = if mean.normalize().dot(nearest) > ALONG_AXIS { nearest } else { mean.normalize() };
+        let (across, _) = axis.any_orthonormal_pair();
+        let mut range = [across, axis.cross(across), axis].map(|along| {
+            let at = rays.iter().map(|ray| (ray.origin_mm.dot(along), weight(ray))).collect();
+            quantiles(at, 1e-3)
+        });
+        if range[2][1] - range[2][0] < 1e-9 * (range[0][1] - range[0][0]) {
+            range[2] = [0.5 * (range[2][0] + range[2][1]); 2];
+        }
+        let size_mm = range.iter().map(|[low, high]| high - low).fold(0.0, f64::max);
+        let along = |at: [f64; 3]| at[0] * across + at[1] * axis.cross(across) + at[2] * axis;
+        let center_mm = along([0.5 * (range[0][0] + range[0][1]), 0.5 * (range[1][0] + range[1][1]), range[2][1]]);
+        (size_mm > 0.0).then_some(Search { rays, axis, center_mm, size_mm })
+    }
+
+    /// The plane across the main direction through the origins farthest ahead: what a flat source is.
+    pub fn given(&self) -> Option<Sharp> {
+        self.try_at(0.0, 0.0)
+    }
+
+    /// The sharpest plane and the sharpest sphere.
+    pub fn sharpest(&self) -> [Option<Sharp>; 2] {
+        let depth_mm = |k: usize, count: usize| {
+            let behind = self.depth_mm() + BEHIND * self.size_mm;
+            -behind * (1.0 - k as f64 / (count - 1) as f64)
+        };
+        let planes: Vec<(f64, f64)> = (0..PLANES).map(|k| (0.0, depth_mm(k, PLANES))).collect();
+        let spheres: Vec<(f64, f64)> = CURVATURES
+            .iter()
+            .flat_map(|curvature| (0..DEPTHS).map(move |k| (2.0 * curvature / self.size_mm, depth_mm(k, DEPTHS))))
+            .collect();
+        [(planes, 0.0), (spheres, 0.6 / self.size_mm)].map(|(places, curvature_step)| self.refine(places, curvature_step))
+    }
+
+    /// How deep the origins lie behind those farthest ahead, mm.
+    fn depth_mm(&self) -> f64 {
+        let depth = |ray: &Ray| (self.center_mm - ray.origin_mm).dot(self.axis);
+        quantiles(self.rays.iter().map(|ray| (depth(ray), weight(ray))).collect(), 1e-3)[1].max(0.0)
+    }
+
+    /// The best of `places` (curvature, depth), and of those around it in ever smaller steps.
+    fn refine(&self, places: Vec<(f64, f64)>, mut curvature_step: f64) -> Option<Sharp> {
+        let best_of = |places: &[(f64, f64)]| {
+            let tried: Vec<Option<(f64, (f64, f64))>> =
+                places.par_iter().map(|at| self.try_at(at.0, at.1).map(|sharp| (sharp.log_radiance, *at))).collect();
+            tried.into_iter().flatten().reduce(|best, next| if next.0 > best.0 { next } else { best })
+        };
+        let mut best = best_of(&places)?;
+        let mut depth_step = self.size_mm / 8.0;
+        for _ in 0..REFINEMENTS {
+            let (curvature, depth) = best.1;
+            let around: Vec<(f64, f64)> = [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (1.0, -1.0), (-1.0, 1.0)]
+                .iter()
+                .map(|(c, z)| (curvature + c * curvature_step, depth + z * depth_step))
+                .filter(|(c, _)| curvature == 0.0 || *c != 0.0)
+                .collect();
+            match best_of(&around).filter(|next| next.0 > best.0) {
+                Some(next) => best = next,
+                None => (depth_step, curvature_step) = (depth_step / 2.0, curvature_step / 2.0),
+            }
+        }
+        self.try_at(best.1.0, best.1.1)
+    }
+
+    fn try_at(&self, curvature_per_mm: f64, depth_mm: f64) -> Option<Sharp> {
+        let surface = FocalSurface::new(self.center_mm + depth_mm * self.axis, self.axis, curvature_per_mm);
+        let log_radiance = predicted(&surface, &self.rays)?;
+        Some(Sharp { surface, log_radiance })
+    }
+}
+
+/// The weight of a ray.
+pub fn weight(ray: &Ray) -> f64 {
+    if ray.radiant_w > 0.0 { ray.radiant_w } else { ray.luminous_lm }
+}
+
+/// The rectangle of a surface that holds nearly all of the flux that meets it.
+pub fn extent_mm(surface: &FocalSurface, rays: &[Ray]) -> Option<[DVec2; 2]> {
+    let met: Vec<(DVec2, f64)> = rays
+        .iter()
+        .filter_map(|ray| {
+            let crossing = surface.meet(ray.origin_mm, ray.direction)?;
+            (crossing.cosine > LEAST_COSINE).then_some((crossing.at_mm, weight(ray)))
+        })
+        .collect();
+    let range = |axis: usize| {
+        let at = || met.iter().map(|(at, weight)| (at[axis], *weight)).collect();
+        let aside = ASIDE[usize::from(surface.curvature_per_mm != 0.0)];
+        let ([low, high], [least, greatest]) = (quantiles(at(), aside), quantiles(at(), 0.0));
+        if greatest - least < NEARLY_WHOLE * (high - low) { [least, greatest] } else { [low, high] }
+    };
+    let ([left, right], [lower, upper]) = (range(0), range(1));
+    let found = right > left && upper > lower;
+    // A hair more, so that the outermost rays are within.
+    let hair = DVec2::new(right - left, upper - lower) * 1e-6;
+    found.then(|| [DVec2::new(left, lower) - hair, DVec2::new(right, upper) + hair])
+}
+
+/// Values below and above which the part `aside` of the weights lies.
+fn quantiles(mut values: Vec<(f64, f64)>, aside: f64) -> [f64; 2] {
+    values.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let total: f64 = values.iter().map(|(_, weight)| weight).sum();
+    let mut reached = [0.0; 2];
+    for (value, reached) in [&mut values.iter() as &mut dyn Iterator<Item = &(f64, f64)>, &mut values.iter().rev()]
+        .into_iter()
+        .zip(&mut reached)
+    {
+        let mut seen = 0.0;
+        for (at, weight) in value {
+            seen += weight;
+            if seen >= aside * total {
+                *reached = *at;
+                break;
+            }
+        }
+    }
+    reached
+}
+
+/// A ray on the surface that is judged.
+struct Met {
+    at_mm: DVec2,
+    normal: DVec3,
+    cosine: f64,
+    bin: usize,
+    weight: f64,
+}
+
+/// Mean logarithm of the radiance predicted for every second ray, learnt from the others; `None` where too many rays miss the surface.
+fn predicted(surface: &FocalSurface, rays: &[Ray]) -> Option<f64> {
+    let (mut halves, mut missed) = ([Vec::new(), Vec::new()], 0.0);
+    for (k, ray) in rays.iter().enumerate() {
+        match surface.meet(ray.origin_mm, ray.direction) {
+            Some(crossing) => halves[k % 2].push(Met {
+                at_mm: crossing.at_mm,
+                normal: crossing.normal,
+                cosine: crossing.cosine.max(LEAST_COSINE),
+                bin: bin(surface.axes.transpose() * ray.direction),
+                weight: weight(ray),
+            }),
+            None => missed += weight(ray),
+        }
+    }
+    let [mut training, held_out] = halves;
+    let met: f64 = training.iter().chain(&held_out).map(|met| met.weight).sum();
+    if met < MEETS * (met + missed) || training.len() < 2 << HALVINGS {
+        return None;
+    }
+    let flux: f64 = training.iter().map(|met| met.weight).sum();
+    training.iter_mut().for_each(|met| met.weight /= flux);
+    let places = Places::of(&mut training);
+    let solid_angles_sr = solid_angles_sr();
+    let mut sent = vec![0.0; solid_angles_sr.len()];
+    training.iter().for_each(|met| sent[met.bin] += met.weight);
+    let floor = 1.0 / training.len() as f64;
+    sent.iter_mut().zip(&solid_angles_sr).for_each(|(sent, sr)| *sent += 0.3 * floor * sr / (2.0 * TAU));
+    let log_of = |of: &dyn Fn(&Met) -> f64| {
+        let judged: f64 = held_out.iter().map(|met| met.weight).sum();
+        held_out.iter().map(|met| met.weight * of(met).max(f64::MIN_POSITIVE).ln()).sum::<f64>() / judged
+    };
+    if surface.curvature_per_mm == 0.0 {
+        let whole: f64 = sent.iter().sum();
+        return Some(log_of(&|met| {
+            places.exitance(places.find(met.at_mm)) * sent[met.bin] / solid_angles_sr[met.bin] / whole / met.cosine
+        }));
+    }
+    // Radiance B(place) l(direction): both fitted until the sums over either are those of the rays.
+    let directions = bin_directions();
+    let normals = places.normals(&training);
+    let inverse = surface.axes.transpose();
+    let projected: Vec<Vec<f64>> = normals
+        .iter()
+        .map(|normal| directions.iter().map(|d| d.dot(inverse * *normal).max(LEAST_COSINE)).collect())
+        .collect();
+    let (mut of_place, mut of_direction) = (vec![0.0; normals.len()], vec![1.0; sent.len()]);
+    (0..normals.len()).for_each(|place| of_place[place] = places.exitance(place));
+    for _ in 0..ROUNDS {
+        let mut met = vec![0.0; sent.len()];
+        for (place, projected) in projected.iter().enumerate() {
+            let scale = of_place[place] * places.areas_mm2[place];
+            met.iter_mut().zip(projected).for_each(|(sum, cosine)| *sum += scale * cosine);
+        }
+        for bin in 0..sent.len() {
+            of_direction[bin] = sent[bin] / (solid_angles_sr[bin] * met[bin]).max(f64::MIN_POSITIVE);
+        }
+        for (place, projected) in projected.iter().enumerate() {
+            let sum: f64 =
+                projected.iter().zip(&of_direction).zip(&solid_angles_sr).map(|((cosine, l), sr)| cosine * l * sr).sum();
+            of_place[place] = places.exitance(place) / sum.max(f64::MIN_POSITIVE);
+        }
+    }
+    Some(log_of(&|met| of_place[places.find(met.at_mm)] * of_direction[met.bin]))
+}
+
+/// A rectangle halved again and again where half of the rays lie: places with about equally many rays.
+struct Places {
+    /// Axis and coordinate of each cut, as a heap from 1.
+    cuts: Vec<(usize, f64)>,
+    areas_mm2: Vec<f64>,
+    flux: Vec<f64>,
+}
+
+impl Places {
+    fn of(rays: &mut [Met]) -> Places {
+        let count = 1 << HALVINGS;
+        let mut places =
+            Places { cuts: vec![(0, 0.0); count], areas_mm2: vec![0.0; count], flux: vec![0.0; count] };
+        let (mut least, mut greatest) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        rays.iter().for_each(|met| (least, greatest) = (least.min(met.at_mm), greatest.max(met.at_mm)));
+        places.halve(1, rays, least, greatest);
+        places
+    }
+
+    fn halve(&mut self, node: usize, rays: &mut [Met], least: DVec2, greatest: DVec2) {
+        if node >= self.cuts.len() {
+            let place = node - self.cuts.len();
+            self.areas_mm2[place] = (greatest - least).element_product().max(f64::MIN_POSITIVE);
+            self.flux[place] = rays.iter().map(|met| met.weight).sum();
+            return;
+        }
+        let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        rays.iter().for_each(|met| (low, high) = (low.min(met.at_mm), high.max(met.at_mm)));
+        let axis = usize::from(high.y - low.y > high.x - low.x);
+        let middle = rays.len() / 2;
+        rays.select_nth_unstable_by(middle, |a, b| a.at_mm[axis].total_cmp(&b.at_mm[axis]));
+        let cut = rays[middle].at_mm[axis];
+        self.cuts[node] = (axis, cut);
+        let (near, far) = rays.split_at_mut(middle);
+        let (mut upper, mut lower) = (greatest, least);
+        upper[axis] = cut;
+        lower[axis] = cut;
+        self.halve(2 * node, near, least, upper);
+        self.halve(2 * node + 1, far, lower, greatest);
+    }
+
+    fn find(&self, at_mm: DVec2) -> usize {
+        let mut node = 1;
+        while node < self.cuts.len() {
+            let (axis, cut) = self.cuts[node];
+            node = 2 * node + usize::from(at_mm[axis] >= cut);
+        }
+        node - self.cuts.len()
+    }
+
+    fn exitance(&self, place: usize) -> f64 {
+        self.flux[place] / self.areas_mm2[place]
+    }
+
+    fn normals(&self, rays: &[Met]) -> Vec<DVec3> {
+        let mut sums = vec![DVec3::ZERO; self.flux.len()];
+        rays.iter().for_each(|met| sums[self.find(met.at_mm)] += met.normal);
+        sums.into_iter().map(DVec3::normalize_or_zero).collect()
+    }
+}
+
+/// The bin of a direction in the frame of a surface.
+fn bin(direction: DVec3) -> usize {
+    let [polar, round] = BINS;
+    let angle = direction.z.clamp(-1.0, 1.0).acos() / PI;
+    let turn = (direction.y.atan2(direction.x) / TAU).rem_euclid(1.0);
+    let along = |part: f64, count: usize| ((part * count as f64) as usize).min(count - 1);
+    along(angle, polar) * round + along(turn, round)
+}
+
+fn bin_directions() -> Vec<DVec3> {
+    let [polar, round] = BINS;
+    let direction = |k: usize| {
+        let (angle, turn) = ((k / round) as f64 + 0.5, (k % round) as f64 + 0.5);
+        let ((sin, cos), (y, x)) = ((angle * PI / polar as f64).sin_cos(), (turn * TAU / round as f64).sin_cos());
+        DVec3::new(sin * x, sin * y, cos)
+    };
+    (0..polar * round).map(direction).collect()
+}
+
+fn solid_angles_sr() -> Vec<f64> {
+    let [polar, round] = BINS;
+    let edge = |k: usize| (k as f64 * PI / polar as f64).cos();
+    (0..polar * round).map(|k| (edge(k / round) - edge(k / round + 1)) * TAU / round as f64).collect()
+}

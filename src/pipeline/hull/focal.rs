@@ -1,0 +1,282 @@
+//! Focal surfaces: a plane or a part of a sphere where the light is sharper than where the rays start. Rays are slid there along
+//! their lines, which changes no light outside. The surface is a regular grid, so a ray's cell is known without a search.
+
+use super::cloud::Cloud;
+use super::mesh::{Hull, Label};
+use crate::error::Error;
+use crate::source::Ray;
+use crate::vocabulary::notice::Notices;
+use crate::vocabulary::watch::StageWatch;
+use glam::{DMat3, DVec2, DVec3};
+
+/// Rays that meet the surface with a smaller cosine, 1°, are slid too far to be put anywhere with certainty.
+const GRAZING: f64 = 0.02;
+/// A ball is covered up to this square of the equal-area distance from its apex over its radius: 4 would be the whole ball.
+const FARTHEST: f64 = 3.2;
+/// No corner of the grid lies farther out: beyond 4 there is no ball.
+const FARTHEST_CORNER: f64 = 3.9;
+/// Rays to a cell of the grid, and fewest and most cells along its longest side, unless asked otherwise.
+const RAYS_PER_CELL: f64 = 30.0;
+const FEWEST_CELLS: f64 = 16.0;
+const MOST_CELLS: f64 = 64.0;
+
+/// A plane or a sphere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FocalSurface {
+    /// Where its axis meets it, mm.
+    pub apex_mm: DVec3,
+    /// Columns: two unit vectors across, and the axis, which points where the light goes. Right-handed.
+    pub axes: DMat3,
+    /// 1/mm: 0 of a plane; positive where the sphere's centre lies ahead (the light crosses a bowl), negative where it lies behind (it
+    /// leaves a cap).
+    pub curvature_per_mm: f64,
+}
+
+/// Where a line meets a focal surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crossing {
+    /// Coordinates along the axes across, mm; on a sphere at the equal-area distance from the apex (Lambert's azimuthal projection).
+    pub at_mm: DVec2,
+    /// Unit normal there on the side the light leaves to, in the source frame.
+    pub normal: DVec3,
+    /// Cosine of the direction to it.
+    pub cosine: f64,
+}
+
+impl FocalSurface {
+    /// Across `axis` through `apex_mm`.
+    pub fn new(apex_mm: DVec3, axis: DVec3, curvature_per_mm: f64) -> FocalSurface {
+        let (x, y) = axis.any_orthonormal_pair();
+        FocalSurface { apex_mm, axes: DMat3::from_cols(x, y, axis), curvature_per_mm }
+    }
+
+    /// Where a ray crosses it outward, ahead of its origin or behind it; `None` where it does not, or too far round the ball.
+    pub fn meet(&self, origin_mm: DVec3, direction: DVec3) -> Option<Crossing> {
+        let inverse = self.axes.transpose();
+        let (origin, direction) = (inverse * (origin_mm - self.apex_mm), inverse * direction);
+        if self.curvature_per_mm == 0.0 {
+            let at_mm = (origin - origin.z / direction.z * direction).truncate();
+            return (direction.z > 0.0 && at_mm.is_finite())
+                .then(|| Crossing { at_mm, normal: self.axes.z_axis, cosine: direction.z });
+        }
+        let radius_mm = 1.0 / self.curvature_per_mm;
+        let centre = DVec3::Z * radius_mm;
+        let from_centre = origin - centre;
+        let along = from_centre.dot(direction);
+        let square = along * along - from_centre.length_squared() + radius_mm * radius_mm;
+        if square.is_nan() || square <= 0.0 {
+            return None;
+        }
+        let t = -along - square.sqrt().copysign(radius_mm);
+        let point = origin + t * direction;
+        let normal = ((centre - point) * self.curvature_per_mm).normalize_or_zero();
+        let at_mm = point.truncate() * (2.0 / (1.0 + normal.z)).sqrt();
+        (at_mm.length_squared() <= FARTHEST * radius_mm * radius_mm).then(|| Crossing {
+            at_mm,
+            normal: self.axes * normal,
+            cosine: normal.dot(direction),
+        })
+    }
+
+    /// The point with the coordinates `at_mm`, source frame.
+    fn point_mm(&self, at_mm: DVec2) -> DVec3 {
+        let square = (at_mm.length_squared() * self.curvature_per_mm.powi(2)).min(FARTHEST_CORNER);
+        let at_mm = if self.curvature_per_mm == 0.0 {
+            at_mm.extend(0.0)
+        } else {
+            let at_mm = at_mm.clamp_length_max(FARTHEST_CORNER.sqrt() / self.curvature_per_mm.abs());
+            (at_mm * (1.0 - square / 4.0).sqrt()).extend(0.5 * square / self.curvature_per_mm)
+        };
+        self.apex_mm + self.axes * at_mm
+    }
+}
+
+/// The part of a focal surface that is used: a rectangle of its coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FocalPatch {
+    /// The surface.
+    pub surface: FocalSurface,
+    /// Least coordinates, mm.
+    pub min_mm: DVec2,
+    /// Greatest coordinates, mm.
+    pub max_mm: DVec2,
+}
+
+impl FocalPatch {
+    /// Where a ray is slid to; `None` for a ray that does not fit: it meets the surface outside of the patch, grazing or not at all, and
+    /// keeps its origin.
+    pub fn meet(&self, ray: &Ray) -> Option<Crossing> {
+        let crossing = self.surface.meet(ray.origin_mm, ray.direction)?;
+        let inside = crossing.at_mm.cmpge(self.min_mm).all() && crossing.at_mm.cmple(self.max_mm).all();
+        (inside && crossing.cosine >= GRAZING).then_some(crossing)
+    }
+}
+
+/// A grid over a patch, two triangles to each cell that holds light or lies beside one that does.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FocalGrid {
+    patch: FocalPatch,
+    cells: [usize; 2],
+    /// First of the two triangles of each cell, `[y][x]`; `u32::MAX` where the cell is dark.
+    first_triangle: Vec<u32>,
+    /// How many triangles there are: the first ones of the hull.
+    pub triangle_count: usize,
+    /// Size of a cell of the lattice of the rays that did not fit, mm.
+    pub loose_cell_mm: DVec3,
+}
+
+impl FocalGrid {
+    /// Triangle and barycentric coordinates of the point that a ray is slid to; `None` for a ray that does not fit.
+    pub fn land(&self, ray: &Ray) -> Option<(usize, [f64; 3])> {
+        let (cell, [a, b]) = self.place(self.patch.meet(ray)?.at_mm);
+        let first = self.first_triangle[cell];
+        let (second, shares) = match self.falls(cell) {
+            true if a + b <= 1.0 => (0, [1.0 - a - b, a, b]),
+            true => (1, [1.0 - b, a + b - 1.0, 1.0 - a]),
+            false if b <= a => (0, [1.0 - a, a - b, b]),
+            false => (1, [1.0 - b, a, b - a]),
+        };
+        (first != u32::MAX).then_some((first as usize + second, shares))
+    }
+
+    fn size_mm(&self) -> DVec2 {
+        let [x, y] = self.cells.map(|count| count as f64);
+        (self.patch.max_mm - self.patch.min_mm) / DVec2::new(x, y)
+    }
+
+    /// Cell of a point and where it lies in it, 0 to 1 each way.
+    fn place(&self, at_mm: DVec2) -> (usize, [f64; 2]) {
+        let at = (at_mm - self.patch.min_mm) / self.size_mm();
+        let along = |at: f64, count: usize| (at.max(0.0) as usize).min(count - 1);
+        let (x, y) = (along(at.x, self.cells[0]), along(at.y, self.cells[1]));
+        (y * self.cells[0] + x, [(at.x - x as f64).clamp(0.0, 1.0), (at.y - y as f64).clamp(0.0, 1.0)])
+    }
+
+    /// Whether the cell is cut from its upper left to its lower right corner: cells are cut towards the middle of the grid, so that the
+    /// mesh is as symmetric as the light.
+    fn falls(&self, cell: usize) -> bool {
+        let (x, y) = (cell % self.cells[0], cell / self.cells[0]);
+        (2 * x >= self.cells[0]) != (2 * y >= self.cells[1])
+    }
+
+    /// The mesh over the cells that are `lit` or beside one.
+    fn mesh(&mut self, lit: &[bool]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+        let [columns, rows] = self.cells;
+        let beside = |x: usize, y: usize| {
+            let near = |at: usize, count: usize| at.saturating_sub(1)..=(at + 1).min(count - 1);
+            near(y, rows).any(|y| near(x, columns).any(|x| lit[y * columns + x]))
+        };
+        let size_mm = self.size_mm();
+        let (mut vertices_mm, mut triangles) = (Vec::new(), Vec::new());
+        let mut number = vec![u32::MAX; (columns + 1) * (rows + 1)];
+        for cell in 0..columns * rows {
+            let (x, y) = (cell % columns, cell / columns);
+            if !beside(x, y) {
+                continue;
+            }
+            let mut corner = |x: usize, y: usize| {
+                let number = &mut number[y * (columns + 1) + x];
+                if *number == u32::MAX {
+                    *number = vertices_mm.len() as u32;
+                    let at_mm = self.patch.min_mm + DVec2::new(x as f64, y as f64) * size_mm;
+                    vertices_mm.push(self.patch.surface.point_mm(at_mm));
+                }
+                *number
+            };
+            let [a, b, c, d] = [corner(x, y), corner(x + 1, y), corner(x + 1, y + 1), corner(x, y + 1)];
+            self.first_triangle[cell] = triangles.len() as u32;
+            triangles.extend(if self.falls(cell) { [[a, b, d], [b, c, d]] } else { [[a, b, c], [a, c, d]] });
+        }
+        self.triangle_count = triangles.len();
+        (vertices_mm, triangles)
+    }
+}
+
+/// What the first pass finds: rays per cell, and the box of those that do not fit.
+struct Found {
+    rays: Vec<u32>,
+    loose: u64,
+}
+
+/// The hull of a cloud on a focal patch: the grid, and after it the hull that `wrap_loose` makes of the origins of the rays that do not fit,
+/// where there are any.
+pub fn hull(
+    cloud: &Cloud<'_>,
+    patch: FocalPatch,
+    resolution: Option<u32>,
+    watch: StageWatch<'_>,
+    wrap_loose: impl FnOnce(StageWatch<'_>) -> Result<Hull, Error>,
+) -> Result<Hull, Error> {
+    let extent_mm = patch.max_mm - patch.min_mm;
+    let by_rays = (cloud.ray_count() as f64 / RAYS_PER_CELL).sqrt().clamp(FEWEST_CELLS, MOST_CELLS);
+    let longest = resolution.map_or(by_rays, f64::from);
+    let along = |mm: f64| (longest * mm / extent_mm.max_element()).ceil().clamp(1.0, longest) as usize;
+    let cells = [along(extent_mm.x), along(extent_mm.y)];
+    let mut grid = FocalGrid {
+        patch,
+        cells,
+        first_triangle: vec![u32::MAX; cells[0] * cells[1]],
+        triangle_count: 0,
+        loose_cell_mm: DVec3::ZERO,
+    };
+    let count = |rays: &[Ray]| {
+        let mut found = Found { rays: vec![0; cells[0] * cells[1]], loose: 0 };
+        for ray in rays {
+            match patch.meet(ray) {
+                Some(crossing) => found.rays[grid.place(crossing.at_mm).0] += 1,
+                None => found.loose += 1,
+            }
+        }
+        Ok(found)
+    };
+    let start = Found { rays: vec![0; cells[0] * cells[1]], loose: 0 };
+    let found = cloud.fold(watch.part(0.0, 0.4), start, count, |all, part| {
+        all.rays.iter_mut().zip(part.rays).for_each(|(sum, rays)| *sum = sum.saturating_add(rays));
+        all.loose += part.loose;
+    })?;
+    let lit: Vec<bool> = found.rays.iter().map(|rays| *rays > 0).collect();
+    let (vertices_mm, triangles) = grid.mesh(&lit);
+    let cell_mm = grid.size_mm();
+    let sheet = Hull {
+        labels: vec![Label::Projected; triangles.len()],
+        part_of_vertex: vec![0; vertices_mm.len()],
+        face_of_vertex: vec![0; vertices_mm.len()],
+        place_of_vertex: (0..vertices_mm.len() as u32).collect(),
+        vertices_mm,
+        triangles,
+        cell_mm: (patch.surface.axes * cell_mm.extend(0.0)).abs(),
+        resolution: cells[0].max(cells[1]) as u32,
+        max_edge_mm: cell_mm.length(),
+        focal: None,
+        notices: Notices::default(),
+    };
+    if found.loose == 0 {
+        watch.step(1.0)?;
+        return Ok(Hull { focal: Some(grid), ..sheet });
+    }
+    let loose = wrap_loose(watch.part(0.4, 1.0))?;
+    grid.loose_cell_mm = loose.cell_mm;
+    let mut hull = if triangles_of(&sheet) == 0 { loose } else { joined(sheet, &loose) };
+    hull.focal = Some(grid);
+    Ok(hull)
+}
+
+fn triangles_of(hull: &Hull) -> usize {
+    hull.triangles.len()
+}
+
+/// Two surfaces as one that does not hang together.
+fn joined(mut first: Hull, second: &Hull) -> Hull {
+    let after = |numbers: &[u32]| numbers.iter().max().map_or(0, |last| last + 1);
+    let vertices = first.vertices_mm.len() as u32;
+    let [parts, faces, places] =
+        [&first.part_of_vertex, &first.face_of_vertex, &first.place_of_vertex].map(|numbers| after(numbers));
+    first.vertices_mm.extend(&second.vertices_mm);
+    first.triangles.extend(second.triangles.iter().map(|corners| corners.map(|corner| vertices + corner)));
+    first.labels.extend(&second.labels);
+    first.part_of_vertex.extend(second.part_of_vertex.iter().map(|part| parts + part));
+    first.face_of_vertex.extend(second.face_of_vertex.iter().map(|face| faces + face));
+    first.place_of_vertex.extend(second.place_of_vertex.iter().map(|place| places + place));
+    first.notices.merge(&second.notices);
+    first
+}
