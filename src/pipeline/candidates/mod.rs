@@ -12,7 +12,7 @@ mod sharpness;
 use crate::error::Error;
 use crate::flux::project::Projector;
 use crate::hull::Cloud;
-use crate::hull::focal::FocalPatch;
+use crate::hull::focal::{FocalPatch, Symmetry};
 use crate::model::Model;
 use crate::model::evaluation::{Evaluator, Quantity};
 use crate::options::{Emission, Options};
@@ -22,6 +22,7 @@ use crate::vocabulary::watch::StageWatch;
 use rayon::prelude::*;
 use sample::Sample;
 use sharpness::{Search, Sharp, extent_mm, weight};
+use std::collections::VecDeque;
 use std::f64::consts::PI;
 
 /// A focal surface is a candidate where its light is so much sharper than on a flat source's own plane, and a sphere where it is so much
@@ -77,23 +78,33 @@ pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageW
         return Ok(Choice { patch: only, ..Choice::default() });
     }
     let mut best: Option<(usize, Vec<f64>)> = None;
-    let mut candidates = Vec::new();
-    let part = |k: usize| 0.2 + 0.8 * k as f64 / patches.len() as f64;
-    for (k, patch) in patches.iter().enumerate() {
-        let cloud = Cloud::sampled(source, &sample.training, *patch);
-        let part = watch.part(part(k), part(k + 1));
-        let model = Model::build(&cloud, options, limits, |_| Ok(part))?;
+    let mut candidates: Vec<Candidate> = Vec::new();
+    let mut open: VecDeque<Option<FocalPatch>> = patches.into();
+    while let Some(patch) = open.pop_front() {
+        let cloud = Cloud::sampled(source, &sample.training, patch);
+        let model = Model::build(&cloud, options, limits, |_| Ok(watch.part(0.2, 0.2)))?;
         let judged = log_radiances(&model, source, &sample.held_out);
         let gain = best.as_ref().map(|(_, best)| gain(&judged, best, &sample.held_out));
-        candidates.push(Candidate { patch: *patch, log_radiance: mean(&judged, &sample.held_out), gain });
+        let log_radiance = mean(&judged, &sample.held_out);
+        candidates.push(Candidate { patch, log_radiance, gain });
         if gain.is_none_or(|(gain, error)| gain > SURELY * error) {
-            best = Some((k, judged));
+            best = Some((candidates.len() - 1, judged));
+        }
+        // Whether the best surface is symmetric is tried last: the most symmetric first.
+        let chosen = best.as_ref().and_then(|(best, _)| candidates[*best].patch);
+        if let (true, Some(chosen)) = (open.is_empty(), chosen) {
+            let next = match (patch.map(|patch| patch.symmetry), chosen.symmetry) {
+                (None | Some(Symmetry::None), Symmetry::None) => Some(Symmetry::FourMirrors),
+                (Some(Symmetry::FourMirrors), Symmetry::None) => Some(Symmetry::TwoMirrors),
+                _ => None,
+            };
+            open.extend(next.map(|symmetry| Some(chosen.with(symmetry))));
         }
     }
-    for c in &candidates { eprintln!("CAND {:?} ll {:.4} gain {:?}", c.patch.map(|p| (p.surface.apex_mm, p.surface.curvature_per_mm, p.min_mm, p.max_mm)), c.log_radiance, c.gain); }
+    for c in &candidates { eprintln!("CAND {:?} ll {:.4} gain {:?}", c.patch.map(|p| (p.surface.apex_mm, p.surface.curvature_per_mm, p.min_mm, p.max_mm, p.symmetry)), c.log_radiance, c.gain); }
     match best {
         Some((best, _)) => Ok(Choice {
-            patch: patches[best],
+            patch: candidates[best].patch,
             candidates,
             rays: [sample.training.len(), sample.held_out.len()],
         }),
@@ -125,7 +136,7 @@ fn focal_patches(sample: &Sample, source: &Source, only_where_better: bool) -> V
     let sphere = better(sphere, plane.or(given));
     let patch = |sharp: Sharp| {
         let [min_mm, max_mm] = extent_mm(&sharp.surface, &sample.training)?;
-        Some(FocalPatch { surface: sharp.surface, min_mm, max_mm })
+        Some(FocalPatch { surface: sharp.surface, min_mm, max_mm, symmetry: Symmetry::None })
     };
     plane.into_iter().chain(sphere).filter_map(patch).map(Some).collect()
 }

@@ -61,7 +61,7 @@ pub fn project(
     watch: StageWatch<'_>,
 ) -> Result<Surface, Error> {
     let projector = Projector::new(hull);
-    let quanta = Quanta::of(cloud.source);
+    let quanta = Quanta::of(cloud);
     let triangles = Tally::new(&quanta, hull.triangles.len(), false, limits)?;
     let vertices = Tally::new(&quanta, hull.vertices_mm.len(), true, limits)?;
     let fates = Tally::new(&quanta, FATES, false, limits)?;

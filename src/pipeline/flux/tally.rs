@@ -6,7 +6,8 @@
 //! file can tell apart.
 
 use crate::error::Error;
-use crate::source::{Ray, Source, Spectral};
+use crate::hull::Cloud;
+use crate::source::{Ray, Spectral};
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::units::Flux;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -30,12 +31,15 @@ pub struct Quanta {
     per_w: f64,
     per_lm: f64,
     per_column: f64,
+    /// Quanta in the count of a ray, or of each of its images.
+    per_ray: f64,
 }
 
 impl Quanta {
-    /// Quanta for `source`.
-    pub fn of(source: &Source) -> Quanta {
-        Quanta::new(source.spectral.clone(), source.flux)
+    /// Quanta for `cloud`.
+    pub fn of(cloud: &Cloud<'_>) -> Quanta {
+        let quanta = Quanta::new(cloud.source.spectral.clone(), cloud.source.flux);
+        Quanta { per_ray: RAY_QUANTA / cloud.images() as f64, ..quanta }
     }
 
     fn new(spectral: Spectral, flux: Flux) -> Quanta {
@@ -46,13 +50,13 @@ impl Quanta {
         };
         let (per_w, per_lm) = (per(flux.radiant_w), per(flux.luminous_lm));
         let per_column = if spectral.has_bands() { per_w } else { per_lm * 2f64.powi(-TRISTIMULUS_BITS) };
-        Quanta { spectral, flux, per_w, per_lm, per_column }
+        Quanta { spectral, flux, per_w, per_lm, per_column, per_ray: RAY_QUANTA }
     }
 
     /// What `ray` deposits.
     pub fn deposit(&self, ray: &Ray) -> Deposit {
         let mut deposit = Deposit {
-            fixed: [RAY_QUANTA as u64, quanta(ray.radiant_w * self.per_w), quanta(ray.luminous_lm * self.per_lm)],
+            fixed: [self.per_ray as u64, quanta(ray.radiant_w * self.per_w), quanta(ray.luminous_lm * self.per_lm)],
             columns: [(0, 0); MOST_COLUMNS],
         };
         let mut used = 0;

@@ -172,7 +172,7 @@ fn collect(
     watch: StageWatch<'_>,
 ) -> Result<(crate::flux::Amounts, crate::flux::Amounts), Error> {
     let projector = Projector::new(hull);
-    let quanta = Quanta::of(cloud.source);
+    let quanta = Quanta::of(cloud);
     let has_bands = cloud.source.spectral.column_count() > 0;
     let (fine_cells, spectral_cells) = (grids.fine.cell_count(), grids.spectral.cell_count());
     let fine = Tally::new(&quanta, zoning.zones.len() * fine_cells, false, limits)?;

@@ -3,7 +3,7 @@
 //! Rays are lines; in air the radiance along a line does not change, so an emission point may be any point of its ray without
 //! changing any light outside. The paper takes the origins as given.
 
-use super::focal::FocalPatch;
+use super::focal::{FocalPatch, Symmetry};
 use crate::error::Error;
 use crate::rays::chunks;
 use crate::source::Ray;
@@ -36,9 +36,15 @@ impl<'a> Cloud<'a> {
         Cloud { source, patch, sample: Some(rays) }
     }
 
-    /// How many rays there are.
+    /// How many rays there are; of a symmetric source with their images.
     pub fn ray_count(&self) -> u64 {
-        self.sample.map_or(self.source.survey.rays_used, |rays| rays.len() as u64)
+        let rays = self.sample.map_or(self.source.survey.rays_used, |rays| rays.len() as u64);
+        rays.saturating_mul(self.images() as u64)
+    }
+
+    /// Images of each ray that a pass shows, itself included: a power of two.
+    pub fn images(&self) -> usize {
+        self.patch.map_or(1, |patch| patch.symmetry.images())
     }
 
     /// Box of the origins, mm.
@@ -49,7 +55,7 @@ impl<'a> Cloud<'a> {
         }
     }
 
-    /// One pass over all rays: as [`Source::fold`].
+    /// One pass over all rays, as [`Source::fold`]; over the images of all rays where the source is symmetric.
     ///
     /// # Errors
     /// As [`Source::fold`].
@@ -60,6 +66,10 @@ impl<'a> Cloud<'a> {
         work: impl Fn(&[Ray]) -> Result<T, Error> + Sync + Send,
         mut merge: impl FnMut(&mut A, T),
     ) -> Result<A, Error> {
+        let work = |rays: &[Ray]| match self.patch.filter(|patch| patch.symmetry != Symmetry::None) {
+            Some(patch) => work(&patch.images(rays)),
+            None => work(rays),
+        };
         let Some(rays) = self.sample else { return self.source.fold(watch, start, work, merge) };
         let count = rays.len().div_ceil(CHUNK_RAYS);
         let chunk = |first: usize| &rays[first..rays.len().min(first + CHUNK_RAYS)];

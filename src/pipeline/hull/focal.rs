@@ -91,6 +91,28 @@ impl FocalSurface {
     }
 }
 
+/// Mirror planes through the axis of a focal surface that the light has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Symmetry {
+    /// None that is known.
+    None,
+    /// Two, across each other.
+    TwoMirrors,
+    /// Four, 45° apart: those of a square; a round source has these too.
+    FourMirrors,
+}
+
+impl Symmetry {
+    /// How many images of a ray there are, itself included: a power of two.
+    pub fn images(self) -> usize {
+        match self {
+            Symmetry::None => 1,
+            Symmetry::TwoMirrors => 4,
+            Symmetry::FourMirrors => 8,
+        }
+    }
+}
+
 /// The part of a focal surface that is used: a rectangle of its coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FocalPatch {
@@ -100,9 +122,43 @@ pub struct FocalPatch {
     pub min_mm: DVec2,
     /// Greatest coordinates, mm.
     pub max_mm: DVec2,
+    /// Every ray stands for all of its mirror images, which have equal parts of its flux.
+    pub symmetry: Symmetry,
 }
 
 impl FocalPatch {
+    /// The same surface with a rectangle as symmetric as the light.
+    #[must_use]
+    pub fn with(self, symmetry: Symmetry) -> FocalPatch {
+        let mut reach_mm = self.min_mm.abs().max(self.max_mm.abs());
+        if symmetry == Symmetry::FourMirrors {
+            reach_mm = DVec2::splat(reach_mm.max_element());
+        }
+        FocalPatch { min_mm: -reach_mm, max_mm: reach_mm, symmetry, ..self }
+    }
+
+    /// All images of `rays`, each with its part of the flux.
+    pub fn images(&self, rays: &[Ray]) -> Vec<Ray> {
+        let FocalSurface { apex_mm, axes, .. } = self.surface;
+        let count = self.symmetry.images();
+        let part = 1.0 / count as f64;
+        let mut images = Vec::with_capacity(count * rays.len());
+        for k in 0..count {
+            let swapped = if k < 4 { DMat3::IDENTITY } else { DMat3::from_cols(DVec3::Y, DVec3::X, DVec3::Z) };
+            let sign = |bit: usize| if k & bit == 0 { 1.0 } else { -1.0 };
+            let map = axes * DMat3::from_diagonal(DVec3::new(sign(1), sign(2), 1.0)) * swapped * axes.transpose();
+            images.extend(rays.iter().map(|ray| Ray {
+                origin_mm: if k == 0 { ray.origin_mm } else { apex_mm + map * (ray.origin_mm - apex_mm) },
+                direction: if k == 0 { ray.direction } else { map * ray.direction },
+                radiant_w: part * ray.radiant_w,
+                luminous_lm: part * ray.luminous_lm,
+                xz_lm: ray.xz_lm.map(|value| part * value),
+                ..*ray
+            }));
+        }
+        images
+    }
+
     /// Where a ray is slid to; `None` for a ray that does not fit: it meets the surface outside of the patch, grazing or not at all, and
     /// keeps its origin.
     pub fn meet(&self, ray: &Ray) -> Option<Crossing> {
