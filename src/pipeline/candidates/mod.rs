@@ -106,7 +106,7 @@ pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageW
         Some((best, _)) => Ok(Choice {
             patch: candidates[best].patch,
             candidates,
-            rays: [sample.training.len(), sample.held_out.len()],
+            rays: [sample.training.rays.len(), sample.held_out.len()],
         }),
         None => Err(no_focus()),
     }
@@ -124,7 +124,7 @@ fn no_focus() -> Error {
 /// The sharpest plane, and the sharpest sphere where it is sharper; none where they are no better than a flat source's own plane, if
 /// `only_where_better`.
 fn focal_patches(sample: &Sample, source: &Source, only_where_better: bool) -> Vec<Option<FocalPatch>> {
-    let Some(search) = Search::new(&sample.training) else { return Vec::new() };
+    let Some(search) = Search::new(&sample.training.rays) else { return Vec::new() };
     let [plane, sphere] = search.sharpest();
     let size_mm = source.survey.bounds_mm.size();
     let is_flat = |axis: glam::DVec3| size_mm.dot(axis.abs()) < FLAT * size_mm.length();
@@ -135,7 +135,7 @@ fn focal_patches(sample: &Sample, source: &Source, only_where_better: bool) -> V
     let plane = better(plane, given);
     let sphere = better(sphere, plane.or(given));
     let patch = |sharp: Sharp| {
-        let [min_mm, max_mm] = extent_mm(&sharp.surface, &sample.training)?;
+        let [min_mm, max_mm] = extent_mm(&sharp.surface, &sample.training.rays)?;
         Some(FocalPatch { surface: sharp.surface, min_mm, max_mm, symmetry: Symmetry::None })
     };
     plane.into_iter().chain(sphere).filter_map(patch).map(Some).collect()

@@ -87,12 +87,12 @@ pub fn project(
     };
     let add = |sums: &mut [f64; 2], more: [f64; 2]| sums.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
     let squares = cloud.fold(watch.part(0.0, 0.9), [0.0; 2], lay, add)?;
-    let ray = typical_ray(&cloud.source.flux, squares);
+    let ray = typical_ray(&cloud.flux(), squares);
     let (triangles, mut vertices) = (triangles.amounts(), vertices.amounts());
     let mut balance = account(cloud, &fates.amounts(), &triangles, &vertices);
     if options.smooths() {
         watch.step(0.9)?;
-        exitance::smooth(hull, &mut vertices, &ray, &cloud.source.spectral);
+        exitance::smooth(hull, &mut vertices, &ray, cloud.spectral());
     }
     balance.after_smoothing = vertices.total();
     Ok(Surface { notices: notices(&balance), triangles, vertices, ray, balance })
@@ -111,7 +111,7 @@ fn typical_ray(flux: &Flux, [radiant, luminous]: [f64; 2]) -> Flux {
 fn account(cloud: &Cloud<'_>, fates: &Amounts, triangles: &Amounts, vertices: &Amounts) -> Balance {
     let share = |fate: usize| Share { rays: fates.rays[fate].round() as u64, flux: fates.flux_of(fate) };
     Balance {
-        incoming: Share { rays: cloud.source.survey.rays_used, flux: cloud.source.flux },
+        incoming: Share { rays: cloud.source.survey.rays_used, flux: cloud.flux() },
         hit: share(HIT),
         snapped: share(SNAPPED),
         rejected: share(REJECTED),

@@ -38,7 +38,7 @@ pub struct Quanta {
 impl Quanta {
     /// Quanta for `cloud`.
     pub fn of(cloud: &Cloud<'_>) -> Quanta {
-        let quanta = Quanta::new(cloud.source.spectral.clone(), cloud.source.flux);
+        let quanta = Quanta::new(cloud.spectral().clone(), cloud.flux());
         Quanta { per_ray: RAY_QUANTA / cloud.images() as f64, ..quanta }
     }
 

@@ -9,10 +9,11 @@ use crate::options::GoniogramOptions;
 use crate::rays::direction_cube::DirectionCube;
 use crate::smoothing::Refined;
 use crate::source::Spectral;
+use crate::vocabulary::space::Frame;
 use crate::vocabulary::units::Flux;
 use glam::DVec3;
 use rayon::prelude::*;
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// Steps of γ to choose from, degrees.
 const GAMMA_STEPS_DEG: [f64; 3] = [2.5, 1.0, 0.5];
@@ -22,8 +23,12 @@ const STEPS_IN_BEAM: f64 = 12.0;
 const RAYS_PER_CELL: f64 = 1.0;
 /// Step of C unless asked otherwise, degrees.
 const C_STEP_DEG: f64 = 5.0;
-/// Many zones of a wide beam have steps twice as wide unless asked otherwise: what they cost is size.
-const MANY_ZONES: usize = 64;
+/// Steps of γ and C of the zones of a wide beam to choose from, degrees: the finest is taken whose numbers are not too many.
+const WIDE_STEPS_DEG: [(f64, f64); 5] = [(2.5, 5.0), (3.0, 6.0), (3.6, 7.2), (4.5, 9.0), (5.0, 10.0)];
+/// Most bytes of the intensities of all zones as text; of a cell that holds light, and of a dark one.
+const MOST_BYTES: f64 = 7e6;
+const LIT_BYTES: f64 = 20.0;
+const DARK_BYTES: f64 = 4.0;
 /// Steps of γ and C of the spectral grid to choose from, degrees: the finest is taken whose numbers are not too many.
 const SPECTRAL_STEPS_DEG: [(f64, f64); 4] = [(2.5, 5.0), (5.0, 10.0), (7.5, 15.0), (15.0, 30.0)];
 /// Most spectral intensities in all zones together: some megabytes of JSON.
@@ -74,24 +79,41 @@ pub struct Grids {
 }
 
 impl Grids {
-    /// Steps of γ and C, degrees. As asked, else: γ steps of at most a twelfth of the beam's full width at half maximum as long as the
-    /// beam's rays can fill such cells, C steps of 5°. `many`: of many zones; those of a wide beam are twice as wide.
-    pub fn steps_deg(directions: &DirectionCube, options: &GoniogramOptions, many: bool) -> (f64, f64) {
+    /// Steps of γ and C, degrees, of `zones` zones. As asked, else: γ steps of at most a twelfth of the beam's full width at half maximum as
+    /// long as the beam's rays can fill such cells, C steps of 5°; of many zones of a wide beam, as fine as there is room.
+    pub fn steps_deg(
+        directions: &DirectionCube,
+        frame: &Frame,
+        options: &GoniogramOptions,
+        zones: usize,
+    ) -> (f64, f64) {
         let beam = Beam::of(directions);
         let wanted_deg = (beam.full_width_deg() / STEPS_IN_BEAM).max(beam.cell_deg(RAYS_PER_CELL));
         let [coarsest, .., finest] = GAMMA_STEPS_DEG;
         let fitting = GAMMA_STEPS_DEG.into_iter().find(|step| *step <= wanted_deg).unwrap_or(finest);
         let chosen_deg = if beam.rays > 0.0 { fitting } else { coarsest };
-        let wider = if many && chosen_deg == coarsest { 2.0 } else { 1.0 };
-        (options.gamma_step_deg.unwrap_or(wider * chosen_deg), options.c_step_deg.unwrap_or(wider * C_STEP_DEG))
+        let (gamma_deg, c_deg) = if chosen_deg == coarsest {
+            let fits = |(gamma_deg, c_deg): &(f64, f64)| zones <= most_zones(directions, frame, *gamma_deg, *c_deg);
+            let [.., widest] = WIDE_STEPS_DEG;
+            WIDE_STEPS_DEG.into_iter().find(fits).unwrap_or(widest)
+        } else {
+            (chosen_deg, C_STEP_DEG)
+        };
+        (options.gamma_step_deg.unwrap_or(gamma_deg), options.c_step_deg.unwrap_or(c_deg))
     }
 
     /// For `zones` zones with `bands` bands; the spectral grid as fine as there is room.
-    pub fn new(directions: &DirectionCube, options: &GoniogramOptions, zones: usize, bands: usize) -> Grids {
+    pub fn new(
+        directions: &DirectionCube,
+        frame: &Frame,
+        options: &GoniogramOptions,
+        zones: usize,
+        bands: usize,
+    ) -> Grids {
         let grid = |gamma_deg: f64, c_deg: f64| {
             SphereGrid::new((180.0 / gamma_deg).round() as usize, (360.0 / c_deg).round() as usize)
         };
-        let (gamma_deg, c_deg) = Grids::steps_deg(directions, options, zones > MANY_ZONES);
+        let (gamma_deg, c_deg) = Grids::steps_deg(directions, frame, options, zones);
         let numbers = |grid: &SphereGrid| (grid.gamma_nodes() * grid.c_planes() * bands * (zones + 1)) as f64;
         let spectral = SPECTRAL_STEPS_DEG.map(|(gamma_deg, c_deg)| grid(gamma_deg, c_deg));
         let [.., coarsest] = spectral.clone();
@@ -212,6 +234,17 @@ impl Grids {
         }
         values
     }
+}
+
+/// How many zones with these steps there is room for, by how much of the sphere is lit.
+pub fn most_zones(directions: &DirectionCube, frame: &Frame, gamma_deg: f64, c_deg: f64) -> usize {
+    let lit = |cell: usize| {
+        let (_, gamma) = frame.angles(DirectionCube::center(cell));
+        if directions.rays[cell] > 0 { DirectionCube::solid_angle_sr(cell) / gamma.sin().max(0.01) } else { 0.0 }
+    };
+    let share = ((0..DirectionCube::CELLS).map(lit).sum::<f64>() / (TAU * PI)).min(1.0);
+    let cells = 180.0 / gamma_deg * 360.0 / c_deg;
+    (MOST_BYTES / (cells * (LIT_BYTES * share + DARK_BYTES * (1.0 - share)))) as usize
 }
 
 /// What was counted in zones that became one; `zone_of_zone`: the new zone of each.

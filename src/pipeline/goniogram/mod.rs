@@ -28,7 +28,7 @@ use crate::flux::Surface;
 use crate::flux::project::Projector;
 use crate::flux::tally::{Quanta, Tally};
 use crate::hull::{Cloud, Hull};
-use crate::source::{Ray, Source};
+use crate::source::Ray;
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::space::Frame;
@@ -39,8 +39,6 @@ use zone::Zoning;
 
 /// Most zones that follow the surface: their goniograms are less than 10 MB of text.
 const MOST_ZONES: usize = 256;
-/// Most cells of all zones together.
-const MOST_CELLS: f64 = 350_000.0;
 /// Most spectral columns of all cells of all zones together, and cells of a zone's coarsest spectral grid.
 const MOST_COLUMNS: f64 = 4e6;
 const COARSEST_CELLS: f64 = 134.0;
@@ -102,14 +100,14 @@ pub fn measure(
     let asked = options.zones.map(|zones| (zones.columns, zones.rows));
     let mut zoning = match (asked, options.zoning()) {
         (None, ZoneLayout::Auto) if options.smooths() => {
-            Zoning::along(hull, surface, frame, most_zones(cloud.source, options))
+            Zoning::along(hull, surface, frame, most_zones(cloud, &frame, options))
         }
         _ => Zoning::on_lattice(hull, surface, frame, asked),
     };
-    let bands = if cloud.source.spectral.has_bands() { cloud.source.spectral.bands.len() } else { 0 };
-    let grids = Grids::new(&cloud.source.survey.directions, options, zoning.zones.len(), bands);
+    let bands = if cloud.spectral().has_bands() { cloud.spectral().bands.len() } else { 0 };
+    let grids = Grids::new(&cloud.source.survey.directions, &frame, options, zoning.zones.len(), bands);
     let (fine, spectral) = collect(cloud, hull, &zoning, &grids, limits, watch.part(0.0, 0.8))?;
-    let spectrum = &cloud.source.spectral;
+    let spectrum = cloud.spectral();
     let mut measured = grids.counted(&fine, &spectral);
     if options.smooths() {
         let normals = zoning.normals(hull, surface);
@@ -152,11 +150,12 @@ pub fn measure(
 
 /// Most zones that follow the surface, so that all of their cells stay few: narrow beams, fine grids and many bands leave room for
 /// fewer zones.
-fn most_zones(source: &Source, options: &GoniogramOptions) -> usize {
-    let (gamma_deg, c_deg) = Grids::steps_deg(&source.survey.directions, options, true);
-    let cells = 180.0 / gamma_deg * 360.0 / c_deg;
-    let columns = COARSEST_CELLS * source.spectral.column_count().max(1) as f64;
-    ((MOST_CELLS / cells).min(MOST_COLUMNS / columns) as usize).clamp(1, MOST_ZONES)
+fn most_zones(cloud: &Cloud<'_>, frame: &Frame, options: &GoniogramOptions) -> usize {
+    let directions = &cloud.source.survey.directions;
+    let (gamma_deg, c_deg) = Grids::steps_deg(directions, frame, options, MOST_ZONES);
+    let columns = COARSEST_CELLS * cloud.spectral().column_count().max(1) as f64;
+    let by_columns = (MOST_COLUMNS / columns) as usize;
+    intensity::most_zones(directions, frame, gamma_deg, c_deg).min(by_columns).clamp(1, MOST_ZONES)
 }
 
 /// Lays every ray on the hull again and adds it to the cells of the zones its triangle's corners belong to, by the weights at
@@ -173,7 +172,7 @@ fn collect(
 ) -> Result<(crate::flux::Amounts, crate::flux::Amounts), Error> {
     let projector = Projector::new(hull);
     let quanta = Quanta::of(cloud);
-    let has_bands = cloud.source.spectral.column_count() > 0;
+    let has_bands = cloud.spectral().column_count() > 0;
     let (fine_cells, spectral_cells) = (grids.fine.cell_count(), grids.spectral.cell_count());
     let fine = Tally::new(&quanta, zoning.zones.len() * fine_cells, false, limits)?;
     let spectral = Tally::new(&quanta, if has_bands { zoning.zones.len() * spectral_cells } else { 0 }, true, limits)?;

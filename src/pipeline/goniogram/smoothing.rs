@@ -22,6 +22,34 @@ pub struct Directions<'a> {
     /// The rings of cells of one γ.
     rings: Levels,
     solid_angles_sr: Vec<f64>,
+    /// Directions spread over each cell, in the photometric frame, and the solid angle that each stands for.
+    samples: Vec<Vec<(DVec3, f64)>>,
+}
+
+/// Directions along each side of a cell at which what is not linear in it is looked at.
+const SAMPLES: usize = 3;
+
+/// Directions spread over each cell of `grid`, and the solid angle that each stands for.
+fn samples(grid: &SphereGrid) -> Vec<Vec<(DVec3, f64)>> {
+    let (last, planes) = (grid.gamma_nodes() - 1, grid.c_planes());
+    let (dg, dc) = (PI / last as f64, TAU / planes as f64);
+    let nodes = grid.cell_nodes();
+    let of_cell = |(cell, (c, gamma)): (usize, &(f64, f64))| {
+        let cap = cell == 0 || cell + 1 == nodes.len();
+        let (width, columns) = if cap { (TAU, SAMPLES * planes) } else { (dc, SAMPLES) };
+        let (low, high) = ((gamma - 0.5 * dg).max(0.0), (gamma + 0.5 * dg).min(PI));
+        let at = |row: usize| low + (high - low) * row as f64 / SAMPLES as f64;
+        let row = |row: usize| {
+            let (from, to) = (at(row), at(row + 1));
+            let (gamma, sr) = (0.5 * (from + to), (from.cos() - to.cos()) * width / columns as f64);
+            (0..columns).map(move |column| {
+                let c = c - 0.5 * width + width * (column as f64 + 0.5) / columns as f64;
+                (DVec3::new(gamma.sin() * c.cos(), gamma.sin() * c.sin(), -gamma.cos()), sr)
+            })
+        };
+        (0..SAMPLES).flat_map(row).collect()
+    };
+    nodes.par_iter().enumerate().map(of_cell).collect()
 }
 
 impl<'a> Directions<'a> {
@@ -48,32 +76,14 @@ impl<'a> Directions<'a> {
         let gammas: Vec<DVec3> = (0..=last).map(|k| DVec3::new(0.0, 0.0, k as f64 * dg)).collect();
         let steps: Vec<Edge> = (0..last as u32).map(|k| (k, k + 1, ((f64::from(k) + 0.5) * dg).sin())).collect();
         let rings = Levels::new(&gammas, &vec![0; last + 1], &steps, dg, false);
-        Directions { grid, levels, rings, solid_angles_sr: grid.cell_solid_angles_sr() }
+        Directions { grid, levels, rings, solid_angles_sr: grid.cell_solid_angles_sr(), samples: samples(grid) }
     }
 
     /// Projected solid angles: ∫ max(0, n · ω) dω over each cell, for each of `normals` (in the photometric frame: γ = 0 at −z)
     /// times its weight; the light of surfaces of radiance 1. sr.
     pub fn projected_sr(&self, normals: &[(DVec3, f64)]) -> Vec<f64> {
-        let (last, planes) = (self.grid.gamma_nodes() - 1, self.grid.c_planes());
-        let (dg, dc) = (PI / last as f64, TAU / planes as f64);
-        let sum = |(cell, (c, gamma)): (usize, &(f64, f64))| -> f64 {
-            let cap = cell == 0 || cell + 1 == self.solid_angles_sr.len();
-            let width = if cap { TAU } else { dc };
-            let columns = if cap { 3 * planes } else { 3 };
-            let (low, high) = ((gamma - 0.5 * dg).max(0.0), (gamma + 0.5 * dg).min(PI));
-            let mut sum = 0.0;
-            for i in 0..3 {
-                let [from, to] = [i, i + 1].map(|i| low + (high - low) * f64::from(i) / 3.0);
-                let (gamma, part) = (0.5 * (from + to), (from.cos() - to.cos()) * width / columns as f64);
-                for j in 0..columns {
-                    let c = c - 0.5 * width + width * (j as f64 + 0.5) / columns as f64;
-                    let direction = DVec3::new(gamma.sin() * c.cos(), gamma.sin() * c.sin(), -gamma.cos());
-                    sum += part * normals.iter().map(|(n, w)| w * n.dot(direction).max(0.0)).sum::<f64>();
-                }
-            }
-            sum
-        };
-        self.grid.cell_nodes().par_iter().enumerate().map(sum).collect()
+        let cosine = |direction: &DVec3| normals.iter().map(|(n, w)| w * n.dot(*direction).max(0.0)).sum::<f64>();
+        self.samples.par_iter().map(|cell| cell.iter().map(|(direction, sr)| sr * cosine(direction)).sum()).collect()
     }
 
     /// `prior` with the distribution over γ that was counted, smoothed: what a source that is alike all round would send.

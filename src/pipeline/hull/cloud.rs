@@ -6,9 +6,9 @@
 use super::focal::{FocalPatch, Symmetry};
 use crate::error::Error;
 use crate::rays::chunks;
-use crate::source::Ray;
-use crate::source::Source;
+use crate::source::{Ray, Source, Spectral};
 use crate::vocabulary::space::Bounds;
+use crate::vocabulary::units::Flux;
 use crate::vocabulary::watch::StageWatch;
 
 /// Rays of a sample in one chunk.
@@ -22,7 +22,17 @@ pub struct Cloud<'a> {
     /// Where rays that fit are slid to; `None`: every origin is an emission point.
     pub patch: Option<FocalPatch>,
     /// Rays that stand for all; `None`: all.
-    sample: Option<&'a [Ray]>,
+    sample: Option<&'a Sampled>,
+}
+
+/// Rays that stand for all of a source, and what is known of their light.
+pub struct Sampled {
+    /// The rays; their fluxes add up to `flux`.
+    pub rays: Vec<Ray>,
+    /// The flux of the source.
+    pub flux: Flux,
+    /// Its spectral side, or less of it.
+    pub spectral: Spectral,
 }
 
 impl<'a> Cloud<'a> {
@@ -31,14 +41,24 @@ impl<'a> Cloud<'a> {
         Cloud { source, patch, sample: None }
     }
 
-    /// Rays that stand for all of `source`: their fluxes add up to its flux.
-    pub fn sampled(source: &'a Source, rays: &'a [Ray], patch: Option<FocalPatch>) -> Cloud<'a> {
-        Cloud { source, patch, sample: Some(rays) }
+    /// Rays that stand for all of `source`.
+    pub fn sampled(source: &'a Source, sample: &'a Sampled, patch: Option<FocalPatch>) -> Cloud<'a> {
+        Cloud { source, patch, sample: Some(sample) }
+    }
+
+    /// The flux of the source, in each known quantity.
+    pub fn flux(&self) -> Flux {
+        self.sample.map_or(self.source.flux, |sample| sample.flux)
+    }
+
+    /// The spectral side of the source.
+    pub fn spectral(&self) -> &'a Spectral {
+        self.sample.map_or(&self.source.spectral, |sample| &sample.spectral)
     }
 
     /// How many rays there are; of a symmetric source with their images.
     pub fn ray_count(&self) -> u64 {
-        let rays = self.sample.map_or(self.source.survey.rays_used, |rays| rays.len() as u64);
+        let rays = self.sample.map_or(self.source.survey.rays_used, |sample| sample.rays.len() as u64);
         rays.saturating_mul(self.images() as u64)
     }
 
@@ -50,7 +70,7 @@ impl<'a> Cloud<'a> {
     /// Box of the origins, mm.
     pub fn bounds_mm(&self) -> Bounds {
         match self.sample {
-            Some(rays) => Bounds::of(rays.iter().map(|ray| ray.origin_mm)),
+            Some(sample) => Bounds::of(sample.rays.iter().map(|ray| ray.origin_mm)),
             None => self.source.survey.bounds_mm,
         }
     }
@@ -70,7 +90,7 @@ impl<'a> Cloud<'a> {
             Some(patch) => work(&patch.images(rays)),
             None => work(rays),
         };
-        let Some(rays) = self.sample else { return self.source.fold(watch, start, work, merge) };
+        let Some(Sampled { rays, .. }) = self.sample else { return self.source.fold(watch, start, work, merge) };
         let count = rays.len().div_ceil(CHUNK_RAYS);
         let chunk = |first: usize| &rays[first..rays.len().min(first + CHUNK_RAYS)];
         chunks::in_order(

@@ -58,7 +58,7 @@ impl Model {
         let notices = stages.into_iter().flat_map(|notices| notices.to_vec()).collect();
         let origins = source.channels.iter().map(Origin::of).collect();
         watch(Stage::Model)?.step(1.0)?;
-        Ok(Model { origins, flux: source.flux, spectral: source.spectral.clone(), hull, surface, goniograms, notices })
+        Ok(Model { origins, flux: cloud.flux(), spectral: cloud.spectral().clone(), hull, surface, goniograms, notices })
     }
 
     /// Luminous flux is known, and there is some: infrared is known to have none.

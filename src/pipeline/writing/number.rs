@@ -64,8 +64,17 @@ impl Serialize for Matrix<'_> {
         if self.0.iter().any(|value| !value.is_finite()) {
             return Err(S::Error::custom("an array of the model holds a number that is not finite"));
         }
-        let rows = self.0.chunks(self.1.max(1)).map(|row| row.iter().map(counted).collect::<Vec<f64>>());
+        let rows = self.0.chunks(self.1.max(1)).map(|row| row.iter().map(counted).map(Short).collect::<Vec<Short>>());
         serializer.collect_seq(rows)
+    }
+}
+
+/// A number whose zero is "0": most directions of a beam are dark.
+struct Short(f64);
+
+impl Serialize for Short {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        if self.0 == 0.0 { serializer.serialize_u64(0) } else { serializer.serialize_f64(self.0) }
     }
 }
 
@@ -91,7 +100,7 @@ mod tests {
     #[test]
     fn arrays_hold_short_numbers_and_never_nan() {
         let json = serde_json::to_string(&Matrix(&[0.1 + 0.2, 1.0, 2.0, 1e-30], 2)).unwrap();
-        assert_eq!(json, "[[0.3,1.0],[2.0,0.0]]");
+        assert_eq!(json, "[[0.3,1.0],[2.0,0]]");
         assert!(serde_json::to_string(&Numbers(&[f64::NAN], 6)).is_err());
         assert!(serde_json::to_string(&Numbers(&[f64::INFINITY], 6)).is_err());
     }
