@@ -21,7 +21,7 @@ use crate::vocabulary::limits::Limits;
 use crate::vocabulary::watch::StageWatch;
 use rayon::prelude::*;
 use sample::Sample;
-use sharpness::{Search, Sharp, extent_mm, weight};
+use sharpness::{Search, Sharp, patch, weight};
 use std::collections::VecDeque;
 use std::f64::consts::PI;
 
@@ -134,10 +134,7 @@ fn focal_patches(sample: &Sample, source: &Source, only_where_better: bool) -> V
     };
     let plane = better(plane, given);
     let sphere = better(sphere, plane.or(given));
-    let patch = |sharp: Sharp| {
-        let [min_mm, max_mm] = extent_mm(&sharp.surface, &sample.training.rays)?;
-        Some(FocalPatch { surface: sharp.surface, min_mm, max_mm, symmetry: Symmetry::None })
-    };
+    let patch = |sharp: Sharp| patch(sharp.surface, &sample.training.rays);
     plane.into_iter().chain(sphere).filter_map(patch).map(Some).collect()
 }
 

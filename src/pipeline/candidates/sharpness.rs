@@ -1,7 +1,7 @@
 //! Where the light is sharpest: planes and spheres across the main direction, each judged by how well a radiance that is a function of
 //! place times a function of direction on it predicts half of the rays, when it is learnt from the other half.
 
-use crate::hull::focal::FocalSurface;
+use crate::hull::focal::{FocalPatch, FocalSurface, Symmetry};
 use crate::source::Ray;
 use crate::vocabulary::space::Axis;
 use glam::{DVec2, DVec3};
@@ -34,7 +34,9 @@ const DEPTHS: usize = 9;
 const CURVATURES: [f64; 8] = [-0.9, -0.6, -0.3, 0.2, 0.4, 0.7, 1.0, 1.4];
 const REFINEMENTS: usize = 6;
 /// Parts of the flux left aside on each side of a patch on a plane and on a sphere, ...
-const ASIDE: [f64; 2] = [5e-4, 1e-4];
+const ASIDE: [f64; 2] = [2e-3, 1e-4];
+/// Cells along a side of the rectangle in which rays are counted to find how close they lie.
+const LIT_CELLS: usize = 64;
 /// ... unless the whole is at most so many times as long.
 const NEARLY_WHOLE: f64 = 1.3;
 
@@ -141,8 +143,8 @@ pub fn weight(ray: &Ray) -> f64 {
     if ray.radiant_w > 0.0 { ray.radiant_w } else { ray.luminous_lm }
 }
 
-/// The rectangle of a surface that holds nearly all of the flux that meets it.
-pub fn extent_mm(surface: &FocalSurface, rays: &[Ray]) -> Option<[DVec2; 2]> {
+/// The rectangle of a surface that holds nearly all of the flux that meets it, and how much of it is lit.
+pub fn patch(surface: FocalSurface, rays: &[Ray]) -> Option<FocalPatch> {
     let met: Vec<(DVec2, f64)> = rays
         .iter()
         .filter_map(|ray| {
@@ -160,7 +162,28 @@ pub fn extent_mm(surface: &FocalSurface, rays: &[Ray]) -> Option<[DVec2; 2]> {
     let found = right > left && upper > lower;
     // A hair more, so that the outermost rays are within.
     let hair = DVec2::new(right - left, upper - lower) * 1e-6;
-    found.then(|| [DVec2::new(left, lower) - hair, DVec2::new(right, upper) + hair])
+    let (min_mm, max_mm) = (DVec2::new(left, lower) - hair, DVec2::new(right, upper) + hair);
+    found.then(|| {
+        let lit_mm2 = lit_mm2(&met, min_mm, max_mm);
+        FocalPatch { surface, min_mm, max_mm, lit_mm2, symmetry: Symmetry::None }
+    })
+}
+
+/// The area of a rectangle over which rays would lie as close as they lie around most of them: that of all pairs of rays, one in
+/// so many would share a cell of so large a rectangle that is evenly lit.
+fn lit_mm2(met: &[(DVec2, f64)], min_mm: DVec2, max_mm: DVec2) -> f64 {
+    let mut counts = vec![0.0; LIT_CELLS * LIT_CELLS];
+    for (at_mm, _) in met {
+        let at = (*at_mm - min_mm) / (max_mm - min_mm) * LIT_CELLS as f64;
+        if at.cmpge(DVec2::ZERO).all() && at.cmplt(DVec2::splat(LIT_CELLS as f64)).all() {
+            counts[at.y as usize * LIT_CELLS + at.x as usize] += 1.0;
+        }
+    }
+    let whole_mm2 = (max_mm - min_mm).element_product();
+    let (rays, pairs): (f64, f64) =
+        counts.iter().fold((0.0, 0.0), |(rays, pairs), count| (rays + count, pairs + count * (count - 1.0)));
+    let cells = if pairs > 0.0 { rays * rays / pairs } else { counts.len() as f64 };
+    whole_mm2 * (cells / counts.len() as f64).min(1.0)
 }
 
 /// Values below and above which the part `aside` of the weights lies.

@@ -16,7 +16,7 @@ const FARTHEST: f64 = 3.2;
 /// No corner of the grid lies farther out: beyond 4 there is no ball.
 const FARTHEST_CORNER: f64 = 3.9;
 /// Rays to a cell of the grid, and fewest and most cells along its longest side, unless asked otherwise.
-const RAYS_PER_CELL: f64 = 30.0;
+const RAYS_PER_CELL: f64 = 60.0;
 const FEWEST_CELLS: f64 = 16.0;
 const MOST_CELLS: f64 = 64.0;
 
@@ -122,6 +122,8 @@ pub struct FocalPatch {
     pub min_mm: DVec2,
     /// Greatest coordinates, mm.
     pub max_mm: DVec2,
+    /// The area that would hold all rays if they lay everywhere as close as they lie around most of them, mm².
+    pub lit_mm2: f64,
     /// Every ray stands for all of its mirror images, which have equal parts of its flux.
     pub symmetry: Symmetry,
 }
@@ -264,9 +266,10 @@ pub fn hull(
     wrap_loose: impl FnOnce(StageWatch<'_>) -> Result<Hull, Error>,
 ) -> Result<Hull, Error> {
     let extent_mm = patch.max_mm - patch.min_mm;
-    let by_rays = (cloud.ray_count() as f64 / RAYS_PER_CELL).sqrt().clamp(FEWEST_CELLS, MOST_CELLS);
+    let cell_mm = (patch.lit_mm2 * RAYS_PER_CELL / cloud.ray_count().max(1) as f64).sqrt();
+    let by_rays = (extent_mm.max_element() / cell_mm).clamp(FEWEST_CELLS, MOST_CELLS);
     let longest = resolution.map_or(by_rays, f64::from);
-    let along = |mm: f64| (longest * mm / extent_mm.max_element()).ceil().clamp(1.0, longest) as usize;
+    let along = |mm: f64| (longest * mm / extent_mm.max_element()).ceil().clamp(1.0, longest.ceil()) as usize;
     let cells = [along(extent_mm.x), along(extent_mm.y)];
     let mut grid = FocalGrid {
         patch,
