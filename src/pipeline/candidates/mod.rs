@@ -8,13 +8,16 @@
 mod sample;
 /// Planes and spheres on which the light is sharpest.
 mod sharpness;
+/// A model made of a part of the rays, judged by the others.
+mod verification;
 
 use crate::error::Error;
 use crate::flux::project::Projector;
 use crate::hull::Cloud;
 use crate::hull::focal::{FocalPatch, Symmetry};
 use crate::model::Model;
-use crate::model::evaluation::{Evaluator, Quantity};
+use crate::model::evaluation::Evaluator;
+use crate::model::study::{Candidate, Study};
 use crate::options::{Emission, Options};
 use crate::source::{Ray, Source};
 use crate::vocabulary::limits::Limits;
@@ -24,6 +27,7 @@ use sample::Sample;
 use sharpness::{Search, Sharp, patch, weight};
 use std::collections::VecDeque;
 use std::f64::consts::PI;
+use verification::verify;
 
 /// A focal surface is a candidate where its light is so much sharper than on a flat source's own plane, and a sphere where it is so much
 /// sharper than on the best plane: gain of the mean logarithm of the radiance.
@@ -36,63 +40,59 @@ const ANYWHERE: f64 = 1e-3;
 const LEAST_COSINE: f64 = 0.01;
 /// A cloud is flat whose extent along the main direction is at most this part of its size.
 const FLAT: f64 = 1e-4;
+/// Of fewer rays no part is held out.
+const FEWEST_RAYS: usize = 1000;
 
-/// A surface that was tried.
-#[derive(Clone, Debug)]
-pub struct Candidate {
-    /// Where rays are slid to; `None`: they keep their origins.
-    pub patch: Option<FocalPatch>,
-    /// Mean logarithm of the radiance that its model gives to the lines of the rays held out, their flux 1, mm and sr.
-    pub log_radiance: f64,
-    /// By how much that is more than the best candidate before it, and the standard error of this; `None` of the first.
-    pub gain: Option<(f64, f64)>,
-}
-
-/// What was chosen, and from what.
-#[derive(Clone, Debug, Default)]
-pub struct Choice {
-    /// Where rays are slid to.
-    pub patch: Option<FocalPatch>,
-    /// All that were tried, the simplest first; empty where nothing was to choose.
-    pub candidates: Vec<Candidate>,
-    /// Rays the candidates were made of, and rays they were judged by.
-    pub rays: [usize; 2],
-}
-
-/// Chooses the surface of `source` as the options say.
+/// Chooses the surface of `source` as the options say, and verifies the choice: where rays are slid to, and what was found.
 ///
 /// # Errors
 /// `emission.no_focus` where a focal surface was asked for and there is none; those of the stages.
-pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageWatch<'_>) -> Result<Choice, Error> {
+pub fn choose(
+    source: &Source,
+    options: &Options,
+    limits: &Limits,
+    watch: StageWatch<'_>,
+) -> Result<(Option<FocalPatch>, Option<Study>), Error> {
     let emission = options.emission();
-    if emission == Emission::Origins {
-        return Ok(Choice::default());
-    }
     let sample = Sample::take(source, watch.part(0.0, 0.1))?;
-    let mut patches: Vec<Option<FocalPatch>> = focal_patches(&sample, source, emission == Emission::Auto);
-    if emission == Emission::Auto {
-        patches.insert(0, None);
+    let mut open: VecDeque<Option<FocalPatch>> = VecDeque::new();
+    if emission != Emission::Focus {
+        open.push_back(None);
     }
-    watch.step(0.2)?;
-    if let [only] = patches[..] {
-        return Ok(Choice { patch: only, ..Choice::default() });
+    if emission != Emission::Origins {
+        open.extend(focal_patches(&sample, source, emission == Emission::Auto));
     }
-    let mut best: Option<(usize, Vec<f64>)> = None;
-    let mut candidates: Vec<Candidate> = Vec::new();
-    let mut open: VecDeque<Option<FocalPatch>> = patches.into();
+    if open.is_empty() {
+        return Err(no_focus());
+    }
+    if sample.training.rays.len() < FEWEST_RAYS || sample.held_out.is_empty() {
+        return Ok((open[0], None));
+    }
+    let mut study = Study {
+        training_rays: sample.training.rays.len() as u64,
+        compared_rays: sample.held_out.len() as u64,
+        ..Study::default()
+    };
+    let mut best: Option<(Model, Vec<f64>)> = None;
     while let Some(patch) = open.pop_front() {
         let cloud = Cloud::sampled(source, &sample.training, patch);
-        let model = Model::build(&cloud, options, limits, |_| Ok(watch.part(0.2, 0.2)))?;
+        let tried = study.candidates.len() as f64;
+        let part = watch.part(1.0 - 0.8_f64.powf(tried + 1.0), 1.0 - 0.8_f64.powf(tried + 2.0)).part(0.0, 0.9);
+        part.step(0.0)?;
+        let model = match Model::build(&cloud, options, limits, |_| Ok(part.part(0.0, 0.0))) {
+            // What is too much for the options is so for all rays too, and said there.
+            Err(Error::Refused(_)) if patch.is_none() && study.candidates.is_empty() => return Ok((None, None)),
+            model => model?,
+        };
         let judged = log_radiances(&model, source, &sample.held_out);
         let gain = best.as_ref().map(|(_, best)| gain(&judged, best, &sample.held_out));
-        let log_radiance = mean(&judged, &sample.held_out);
-        candidates.push(Candidate { patch, log_radiance, gain });
+        study.candidates.push(Candidate { patch, log_radiance: mean(&judged, &sample.held_out), gain });
         if gain.is_none_or(|(gain, error)| gain > SURELY * error) {
-            best = Some((candidates.len() - 1, judged));
+            best = Some((model, judged));
+            study.chosen = study.candidates.len() - 1;
         }
         // Whether the best surface is symmetric is tried last: the most symmetric first.
-        let chosen = best.as_ref().and_then(|(best, _)| candidates[*best].patch);
-        if let (true, Some(chosen)) = (open.is_empty(), chosen) {
+        if let (true, Some(chosen)) = (open.is_empty(), study.candidates[study.chosen].patch) {
             let next = match (patch.map(|patch| patch.symmetry), chosen.symmetry) {
                 (None | Some(Symmetry::None), Symmetry::None) => Some(Symmetry::FourMirrors),
                 (Some(Symmetry::FourMirrors), Symmetry::None) => Some(Symmetry::TwoMirrors),
@@ -101,15 +101,10 @@ pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageW
             open.extend(next.map(|symmetry| Some(chosen.with(symmetry))));
         }
     }
-    for c in &candidates { eprintln!("CAND {:?} ll {:.4} gain {:?}", c.patch.map(|p| (p.surface.apex_mm, p.surface.curvature_per_mm, p.min_mm, p.max_mm, p.symmetry)), c.log_radiance, c.gain); }
-    match best {
-        Some((best, _)) => Ok(Choice {
-            patch: candidates[best].patch,
-            candidates,
-            rays: [sample.training.rays.len(), sample.held_out.len()],
-        }),
-        None => Err(no_focus()),
+    if let Some((model, _)) = best {
+        verify(&model, source, &sample, &mut study, watch.part(0.9, 1.0))?;
     }
+    Ok((study.candidates[study.chosen].patch, Some(study)))
 }
 
 fn no_focus() -> Error {
@@ -140,11 +135,10 @@ fn focal_patches(sample: &Sample, source: &Source, only_where_better: bool) -> V
 
 /// Logarithm of the radiance that `model` gives to the line of each ray, its flux 1.
 fn log_radiances(model: &Model, source: &Source, rays: &[Ray]) -> Vec<f64> {
-    let quantity = if source.flux.radiant_w.is_some() { Quantity::Radiant } else { Quantity::Luminous };
     let flux = source.flux.primary();
     let anywhere = 1.0 / (4.0 * PI * source.survey.bounds_mm.size().length_squared()).max(f64::MIN_POSITIVE);
     let projector = Projector::new(&model.hull);
-    let Some(evaluator) = Evaluator::new(model, quantity) else { return vec![anywhere.ln(); rays.len()] };
+    let Some(evaluator) = Evaluator::of_primary(model) else { return vec![anywhere.ln(); rays.len()] };
     let radiance = |ray: &Ray| {
         let Some(landing) = projector.land(ray) else { return 0.0 };
         let cosine = ray.direction.dot(model.hull.normal(landing.triangle)).abs().max(LEAST_COSINE);

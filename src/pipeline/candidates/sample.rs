@@ -21,6 +21,8 @@ pub struct Sample {
     pub training: Sampled,
     /// Rays held out, fluxes as in the source.
     pub held_out: Vec<Ray>,
+    /// A ray is in the sample when the hash of its content is at most this.
+    keep_up_to: u64,
 }
 
 impl Sample {
@@ -39,7 +41,7 @@ impl Sample {
         })?;
         picked.sort_unstable_by_key(|(hash, ray)| (*hash, ray.index));
         let (held_out, mut training): (Vec<_>, Vec<_>) =
-            picked.into_iter().partition(|(content, _)| hash(*content).is_multiple_of(HELD_OUT));
+            picked.into_iter().partition(|(content, _)| is_held_out(*content));
         let radiant = source.flux.radiant_w.is_some();
         let sum: f64 = training.iter().map(|(_, ray)| weight(ray, radiant)).sum();
         let scale = if sum > 0.0 { source.flux.primary() / sum } else { 0.0 };
@@ -53,8 +55,18 @@ impl Sample {
             luminous_lm: source.flux.luminous_lm.filter(|_| !radiant),
         };
         let spectral = Spectral { columns: Columns::None, ..source.spectral.clone() };
-        Ok(Sample { training: Sampled { rays: rays(training), flux, spectral }, held_out: rays(held_out) })
+        Ok(Sample { training: Sampled { rays: rays(training), flux, spectral }, held_out: rays(held_out), keep_up_to })
     }
+
+    /// Which half of the rays that judge a ray of the source is in; `None` where models were made of it.
+    pub fn judging_half(&self, ray: &Ray) -> Option<usize> {
+        let content = of_content(ray);
+        (content > self.keep_up_to || is_held_out(content)).then(|| (hash(!content) >> 63) as usize)
+    }
+}
+
+fn is_held_out(content: u64) -> bool {
+    hash(content).is_multiple_of(HELD_OUT)
 }
 
 fn weight(ray: &Ray, radiant: bool) -> f64 {

@@ -189,6 +189,6 @@ impl KnownSource {
 }
 
 /// Uniform in (0, 1): the middles of 2^53 cells.
-fn uniform(random: &mut ChaCha8Rng) -> f64 {
+pub fn uniform(random: &mut ChaCha8Rng) -> f64 {
     ((random.next_u64() >> 11) as f64 + 0.5) * (-53_f64).exp2()
 }

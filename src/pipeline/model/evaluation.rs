@@ -28,6 +28,11 @@ pub struct Evaluator<'a> {
 }
 
 impl<'a> Evaluator<'a> {
+    /// Of the radiant quantity where that is known, else of the luminous one; `None` of a model without either.
+    pub fn of_primary(model: &'a Model) -> Option<Evaluator<'a>> {
+        Evaluator::new(model, Quantity::Radiant).or_else(|| Evaluator::new(model, Quantity::Luminous))
+    }
+
     /// `None` where the model does not know the quantity.
     pub fn new(model: &'a Model, quantity: Quantity) -> Option<Evaluator<'a>> {
         let vertices = &model.surface.vertices;
@@ -58,6 +63,11 @@ impl<'a> Evaluator<'a> {
             }
         }
         Some(evaluator)
+    }
+
+    /// The intensities of a zone at the nodes, `[c][gamma]`.
+    pub fn nodes(&self, zone: usize) -> &'a [f64] {
+        self.goniograms[zone].0
     }
 
     /// Exitance M at the point of `triangle` with barycentric `shares`, flux/mm².

@@ -4,6 +4,10 @@
 
 /// The model evaluated.
 pub mod evaluation;
+/// New rays from the model.
+pub mod sampling;
+/// How the surface was chosen, and how good the model is.
+pub mod study;
 /// What the report tells of each channel of the source.
 pub mod channel;
 
@@ -18,6 +22,7 @@ use crate::vocabulary::notice::Notice;
 use crate::vocabulary::units::Flux;
 use crate::vocabulary::watch::{Stage, StageWatch};
 use channel::Origin;
+use study::Study;
 
 /// A continuous source model.
 #[derive(Clone, Debug)]
@@ -34,6 +39,8 @@ pub struct Model {
     pub surface: Surface,
     /// Zones and goniograms.
     pub goniograms: Goniograms,
+    /// How its surface was chosen, and how good it is; `None` where that was not looked into.
+    pub study: Option<Study>,
     /// Everything noticed on the way, in stage order.
     pub notices: Vec<Notice>,
 }
@@ -58,7 +65,24 @@ impl Model {
         let notices = stages.into_iter().flat_map(|notices| notices.to_vec()).collect();
         let origins = source.channels.iter().map(Origin::of).collect();
         watch(Stage::Model)?.step(1.0)?;
-        Ok(Model { origins, flux: cloud.flux(), spectral: cloud.spectral().clone(), hull, surface, goniograms, notices })
+        Ok(Model {
+            origins,
+            flux: cloud.flux(),
+            spectral: cloud.spectral().clone(),
+            hull,
+            surface,
+            goniograms,
+            study: None,
+            notices,
+        })
+    }
+
+    /// The model with what was found when its surface was chosen; a model that is worse than its rays says so.
+    #[must_use]
+    pub fn with_study(self, study: Option<Study>) -> Model {
+        let notices = study.iter().flat_map(|study| study.notices().to_vec());
+        let notices = self.notices.into_iter().chain(notices).collect();
+        Model { study, notices, ..self }
     }
 
     /// Luminous flux is known, and there is some: infrared is known to have none.

@@ -1,0 +1,232 @@
+//! How good a model is: made of a part of the rays, it is compared with all rays it was not made of, in the views that users have of a
+//! source. The rays that judge are two halves, and so are the rays drawn from the model: the product of their differences has no
+//! noise in the mean, so small errors show although every ray is random.
+
+use super::sample::Sample;
+use super::sharpness::weight;
+use crate::error::Error;
+use crate::hull::Cloud;
+use crate::model::Model;
+use crate::model::evaluation::Evaluator;
+use crate::model::sampling::Sampler;
+use crate::model::study::{Figure, Study, View};
+use crate::rays::direction_cube::DirectionCube;
+use crate::source::{Ray, Source};
+use crate::vocabulary::watch::StageWatch;
+use glam::DVec3;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Planes, in sizes of the source in front of it; and directions it is seen from, degrees beside the main direction.
+const PLANES: [f64; 4] = [0.1, 0.5, 2.0, 10.0];
+const SEEN_DEG: [f64; 3] = [0.0, 30.0, 60.0];
+/// Rays within this angle of a direction show how the source is seen from there, degrees.
+const CONE_DEG: f64 = 10.0;
+/// Cells along each side of a plane and of an image.
+const SIDE: usize = 24;
+/// Rays drawn for each half.
+const DRAWN: u64 = 1 << 18;
+/// Rays drawn at a time.
+const BATCH: u64 = 1 << 13;
+/// Fewer rays in a view say nothing.
+const FEWEST_RAYS: f64 = 500.0;
+
+/// A view as cells.
+struct Screen {
+    view: View,
+    /// Its cells among those of all views.
+    cells: Range<usize>,
+    /// Where lines are looked at: a point of the plane, its normal, two axes in it, and half its width in mm.
+    at_mm: DVec3,
+    normal: DVec3,
+    across: [DVec3; 2],
+    half_mm: f64,
+    /// Least cosine of a direction to the normal.
+    least_cosine: f64,
+}
+
+impl Screen {
+    /// The cell that a line crosses.
+    fn cell(&self, point_mm: DVec3, direction: DVec3) -> Option<usize> {
+        if self.view == View::FarField {
+            return Some(self.cells.start + DirectionCube::cell(direction));
+        }
+        let cosine = direction.dot(self.normal);
+        if cosine <= self.least_cosine {
+            return None;
+        }
+        let from_mm = point_mm - self.at_mm;
+        let offset_mm = from_mm - from_mm.dot(self.normal) / cosine * direction;
+        let place = |axis: DVec3| {
+            let at = (offset_mm.dot(axis) / self.half_mm + 1.0) * 0.5 * SIDE as f64;
+            (0.0..SIDE as f64).contains(&at).then_some(at as usize)
+        };
+        Some(self.cells.start + place(self.across[0])? * SIDE + place(self.across[1])?)
+    }
+}
+
+/// All views of a model's source.
+fn screens(model: &Model, size_mm: f64) -> Vec<Screen> {
+    let frame = &model.goniograms.frame;
+    let (ahead, bounds_mm) = (frame.nadir.vector(), model.hull.bounds_mm());
+    let middle_mm = bounds_mm.center();
+    let front_mm = middle_mm + 0.5 * bounds_mm.size().dot(ahead.abs()) * ahead;
+    let mut end = 0;
+    let mut cells = |count: usize| {
+        end += count;
+        end - count..end
+    };
+    let mut screens: Vec<Screen> = PLANES
+        .iter()
+        .map(|sizes| Screen {
+            view: View::Plane(*sizes),
+            cells: cells(SIDE * SIDE),
+            at_mm: front_mm + sizes * size_mm * ahead,
+            normal: ahead,
+            across: [frame.x(), frame.y()],
+            half_mm: (0.5 + sizes) * size_mm,
+            least_cosine: 1e-6,
+        })
+        .collect();
+    screens.push(Screen {
+        view: View::FarField,
+        cells: cells(DirectionCube::CELLS),
+        at_mm: middle_mm,
+        normal: ahead,
+        across: [DVec3::ZERO; 2],
+        half_mm: 1.0,
+        least_cosine: -1.0,
+    });
+    screens.extend(SEEN_DEG.map(|degrees| {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        Screen {
+            view: View::Seen(degrees),
+            cells: cells(SIDE * SIDE),
+            at_mm: middle_mm,
+            normal: cos * ahead + sin * frame.x(),
+            across: [cos * frame.x() - sin * ahead, frame.y()],
+            half_mm: 0.55 * size_mm,
+            least_cosine: CONE_DEG.to_radians().cos(),
+        }
+    }));
+    screens
+}
+
+/// Flux in the cells of all views, and what its noise follows from.
+#[derive(Clone)]
+struct Counts {
+    flux: Vec<f64>,
+    /// Σ w² per cell.
+    squares: Vec<f64>,
+    total: f64,
+    rays: u64,
+}
+
+impl Counts {
+    fn none(screens: &[Screen]) -> Counts {
+        let cells = screens.last().map_or(0, |screen| screen.cells.end);
+        Counts { flux: vec![0.0; cells], squares: vec![0.0; cells], total: 0.0, rays: 0 }
+    }
+
+    fn add(&mut self, screens: &[Screen], point_mm: DVec3, direction: DVec3, weight: f64) {
+        self.total += weight;
+        self.rays += 1;
+        for cell in screens.iter().filter_map(|screen| screen.cell(point_mm, direction)) {
+            self.flux[cell] += weight;
+            self.squares[cell] += weight * weight;
+        }
+    }
+
+    fn merge(&mut self, other: &Counts) {
+        self.flux.iter_mut().zip(&other.flux).for_each(|(sum, part)| *sum += part);
+        self.squares.iter_mut().zip(&other.squares).for_each(|(sum, part)| *sum += part);
+        self.total += other.total;
+        self.rays += other.rays;
+    }
+
+    /// Share of the flux in a cell, and the variance of that.
+    fn share(&self, cell: usize) -> (f64, f64) {
+        (self.flux[cell] / self.total, self.squares[cell] / (self.total * self.total))
+    }
+}
+
+/// Judges `model`, which was made of the training rays of `sample`, by all other rays of `source`, and puts the figures into `study`.
+///
+/// # Errors
+/// As [`Source::fold`].
+pub fn verify(
+    model: &Model,
+    source: &Source,
+    sample: &Sample,
+    study: &mut Study,
+    watch: StageWatch<'_>,
+) -> Result<(), Error> {
+    let size_mm = model.hull.bounds_mm().size().max_element();
+    let Some(evaluator) = Evaluator::of_primary(model).filter(|_| size_mm > 0.0) else { return Ok(()) };
+    let screens = screens(model, size_mm);
+    let none = Counts::none(&screens);
+    let judge = |rays: &[Ray]| {
+        let mut halves = [none.clone(), none.clone()];
+        for ray in rays {
+            if let Some(half) = sample.judging_half(ray) {
+                halves[half].add(&screens, ray.origin_mm, ray.direction, weight(ray));
+            }
+        }
+        Ok(halves)
+    };
+    let merge = |all: &mut [Counts; 2], part: [Counts; 2]| all.iter_mut().zip(&part).for_each(|(a, b)| a.merge(b));
+    let truth = Cloud::new(source, None).fold(watch, [none.clone(), none.clone()], judge, merge)?;
+    let mut rays = none.clone();
+    sample.training.rays.iter().for_each(|ray| rays.add(&screens, ray.origin_mm, ray.direction, weight(ray)));
+    let sampler = Sampler::new(model, &evaluator);
+    let drawn = [0, 1].map(|half| {
+        let batch = |number: u64| {
+            let mut random = ChaCha8Rng::seed_from_u64(2 * number + half);
+            let mut counts = none.clone();
+            for (point_mm, direction) in (0..BATCH).filter_map(|_| sampler.draw(&mut random)) {
+                counts.add(&screens, point_mm, direction, 1.0);
+            }
+            counts
+        };
+        // Sums of whole numbers: any order of the batches gives the same.
+        (0..DRAWN / BATCH).into_par_iter().map(batch).reduce(|| none.clone(), |mut all, part| {
+            all.merge(&part);
+            all
+        })
+    });
+    study.judging_rays = truth.iter().map(|half| half.rays).sum();
+    study.drawn_rays = drawn.iter().map(|half| half.rays).sum();
+    study.figures = screens.iter().filter_map(|screen| figure(screen, &truth, &drawn, &rays)).collect();
+    Ok(())
+}
+
+/// The errors in a view; `None` where too few rays are in it.
+fn figure(screen: &Screen, truth: &[Counts; 2], drawn: &[Counts; 2], rays: &Counts) -> Option<Figure> {
+    let (mut power, mut of_model, mut of_rays, mut noise) = (0.0, 0.0, 0.0, 0.0);
+    let (mut common, mut drawn_power, mut judging) = (0.0, 0.0, 0.0);
+    for cell in screen.cells.clone() {
+        let [(t1, vt1), (t2, vt2)] = [truth[0].share(cell), truth[1].share(cell)];
+        let [(m1, vm1), (m2, vm2)] = [drawn[0].share(cell), drawn[1].share(cell)];
+        let (r, _) = rays.share(cell);
+        power += t1 * t2;
+        of_model += (t1 - m1) * (t2 - m2);
+        of_rays += (t1 - r) * (t2 - r);
+        noise += (vt1 + vm1) * (vt2 + vm2);
+        common += 0.25 * (t1 + t2) * (m1 + m2);
+        drawn_power += m1 * m2;
+        for (share, variance) in [(t1, vt1), (t2, vt2)] {
+            judging += if variance > 0.0 { share * share / variance } else { 0.0 };
+        }
+    }
+    // Σ (t1 − x)(t2 − x) may be negative by chance where the error is small.
+    let relative = |square: f64| (square.max(0.0) / power).sqrt();
+    (judging >= FEWEST_RAYS && power > 0.0 && drawn_power > 0.0).then(|| Figure {
+        view: screen.view,
+        model: relative(of_model),
+        rays: relative(of_rays),
+        noise: relative(noise.sqrt()),
+        correlation: (common / (power * drawn_power).sqrt()).min(1.0),
+    })
+}

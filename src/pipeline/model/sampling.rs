@@ -1,0 +1,122 @@
+//! New rays from a model: drawn from exactly the radiance that the evaluation gives.
+
+use super::Model;
+use super::evaluation::Evaluator;
+use crate::goniogram::SphereGrid;
+use crate::known_sources::uniform;
+use glam::DVec3;
+use rand_chacha::ChaCha8Rng;
+use std::f64::consts::{PI, TAU};
+
+/// Draws rays of equal flux.
+pub struct Sampler<'a> {
+    model: &'a Model,
+    /// Flux below each corner of each triangle, running.
+    corners: Vec<f64>,
+    /// For each zone the flux into the surroundings of each node, running.
+    zones: Vec<Vec<f32>>,
+    /// Of the light round a node of γ, the part on the side of smaller γ.
+    below: Vec<f64>,
+}
+
+impl<'a> Sampler<'a> {
+    /// Of the quantity that `evaluator` evaluates.
+    pub fn new(model: &'a Model, evaluator: &Evaluator<'_>) -> Sampler<'a> {
+        let (hull, grid) = (&model.hull, &model.goniograms.grid);
+        let mut corners = Vec::with_capacity(3 * hull.triangles.len());
+        let mut sum = 0.0;
+        for triangle in 0..hull.triangles.len() {
+            let area_mm2 = hull.area_mm2(triangle);
+            for corner in 0..3 {
+                let mut shares = [0.0; 3];
+                shares[corner] = 1.0;
+                sum += area_mm2 * evaluator.exitance(triangle, shares);
+                corners.push(sum);
+            }
+        }
+        let weights_sr = grid.interpolation_weights_sr();
+        let running = |zone: usize| {
+            let mut sum = 0.0;
+            let add = |(node, intensity): (usize, &f64)| {
+                sum += intensity * weights_sr[node % weights_sr.len()];
+                sum as f32
+            };
+            evaluator.nodes(zone).iter().enumerate().map(add).collect()
+        };
+        let zones = (0..model.goniograms.zones.len()).map(running).collect();
+        Sampler { model, corners, zones, below: below(grid) }
+    }
+
+    /// Point and direction of a ray; `None` of a dark model.
+    pub fn draw(&self, random: &mut ChaCha8Rng) -> Option<(DVec3, DVec3)> {
+        let total = *self.corners.last().filter(|total| **total > 0.0)?;
+        let wanted = total * uniform(random);
+        let corner = self.corners.partition_point(|running| *running <= wanted).min(self.corners.len() - 1);
+        let (triangle, corner) = (corner / 3, corner % 3);
+        // A point of density p of the corner: barycentric coordinates distributed as Dirichlet (2, 1, 1).
+        let mut shares = [0.0; 3].map(|_: f64| exponential(random));
+        shares[corner] += exponential(random);
+        let sum: f64 = shares.iter().sum();
+        let vertices = self.model.hull.triangles[triangle];
+        let corners_mm = self.model.hull.corners_mm(triangle);
+        let point_mm = corners_mm.iter().zip(shares).map(|(corner, share)| *corner * (share / sum)).sum();
+        let vertex = vertices[pick(random, shares.into_iter())] as usize;
+        let mixture = &self.model.goniograms.mixtures[vertex];
+        let zone = mixture.zones[pick(random, mixture.weights.into_iter())] as usize;
+        Some((point_mm, self.direction(zone, random)?))
+    }
+
+    /// A direction of a zone: a node, and of the light that is interpolated from it a part.
+    fn direction(&self, zone: usize, random: &mut ChaCha8Rng) -> Option<DVec3> {
+        let grid = &self.model.goniograms.grid;
+        let running = &self.zones[zone];
+        let total = *running.last().filter(|total| **total > 0.0)?;
+        let wanted = total * uniform(random) as f32;
+        let node = running.partition_point(|running| *running <= wanted).min(running.len() - 1);
+        let (c, k) = (node / grid.gamma_nodes(), node % grid.gamma_nodes());
+        let (dc, dg) = (TAU / grid.c_planes() as f64, PI / (grid.gamma_nodes() - 1) as f64);
+        let c = (c as f64 + uniform(random) - uniform(random)) * dc;
+        let from = k as f64 * dg;
+        let sign = if uniform(random) < self.below[k] { -1.0 } else { 1.0 };
+        let largest = from.sin().max((from + sign * dg).sin()).max(if (from - PI / 2.0).abs() < dg { 1.0 } else { 0.0 });
+        let gamma = loop {
+            // Distances with the density 1 − s, kept in proportion to sin γ.
+            let gamma = from + sign * dg * (1.0 - uniform(random).sqrt());
+            if uniform(random) * largest <= gamma.sin() {
+                break gamma;
+            }
+        };
+        Some(self.model.goniograms.frame.direction(c, gamma))
+    }
+}
+
+/// Of ∫ hat(γ) sin γ dγ round each node, the part on the side of smaller γ.
+fn below(grid: &SphereGrid) -> Vec<f64> {
+    let last = grid.gamma_nodes() - 1;
+    let step = PI / last as f64;
+    let side = |k: usize, sign: f64| {
+        // ∫ (1 − s/h) sin(a ± s) ds over 0..h.
+        let a = k as f64 * step;
+        sign * (a.cos() - sign * ((a + sign * step).sin() - a.sin()) / step)
+    };
+    let part = |k: usize| match k {
+        0 => 0.0,
+        k if k == last => 1.0,
+        k => side(k, -1.0) / (side(k, -1.0) + side(k, 1.0)),
+    };
+    (0..=last).map(part).collect()
+}
+
+/// An index, as often as its weight says.
+fn pick(random: &mut ChaCha8Rng, weights: impl Iterator<Item = f64> + Clone) -> usize {
+    let mut wanted = uniform(random) * weights.clone().sum::<f64>();
+    let found = weights.clone().position(|weight| {
+        wanted -= weight;
+        wanted < 0.0
+    });
+    found.unwrap_or(0)
+}
+
+fn exponential(random: &mut ChaCha8Rng) -> f64 {
+    -uniform(random).ln()
+}

@@ -1,0 +1,96 @@
+//! How the surface of a model was chosen, and how good a model of the same source made of a part of its rays is, judged by the others.
+
+use crate::hull::focal::FocalPatch;
+use crate::vocabulary::notice::Notices;
+use std::fmt;
+
+/// Choice and verification.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Study {
+    /// All surfaces that were tried, the simplest first.
+    pub candidates: Vec<Candidate>,
+    /// Index of the one that was taken.
+    pub chosen: usize,
+    /// Rays of which the candidates were made.
+    pub training_rays: u64,
+    /// Rays by which they were compared.
+    pub compared_rays: u64,
+    /// Rays by which the chosen one was verified.
+    pub judging_rays: u64,
+    /// Rays that were drawn from it for that.
+    pub drawn_rays: u64,
+    /// How good it is, quantity by quantity.
+    pub figures: Vec<Figure>,
+}
+
+/// A surface that was tried.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Candidate {
+    /// Where rays are slid to; `None`: they keep their origins.
+    pub patch: Option<FocalPatch>,
+    /// Mean logarithm of the radiance that its model gives to the lines of the rays held out, their flux 1, mm and sr.
+    pub log_radiance: f64,
+    /// By how much that is more than that of the best candidate before it, and the standard error of this; `None` of the first.
+    pub gain: Option<(f64, f64)>,
+}
+
+/// What is compared with the rays held out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum View {
+    /// Irradiance on a plane across the main direction, so many sizes of the source in front of it.
+    Plane(f64),
+    /// Intensity in all directions.
+    FarField,
+    /// Luminance of the source as it is seen from so many degrees beside the main direction.
+    Seen(f64),
+}
+
+/// Errors in one view, relative to the root mean square of what is there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Figure {
+    /// What is compared.
+    pub view: View,
+    /// Root mean square error of the model, the noise of the rays that judge taken out.
+    pub model: f64,
+    /// The same of the rays of which the model was made.
+    pub rays: f64,
+    /// Errors below this cannot be told from the noise of the rays that judge.
+    pub noise: f64,
+    /// Normalised cross-correlation of the model with the truth, the noise taken out: 1 for the same form.
+    pub correlation: f64,
+}
+
+impl Study {
+    /// Where the model is surely worse than the rays of which it was made.
+    pub fn notices(&self) -> Notices {
+        let mut notices = Notices::default();
+        let worse = |figure: &&Figure| figure.model.powi(2) > figure.rays.powi(2) + 2.0 * figure.noise.powi(2);
+        let views: Vec<String> = self
+            .figures
+            .iter()
+            .filter(worse)
+            .map(|figure| {
+                format!("{}: {:.1} % against {:.1} %", figure.view, 100.0 * figure.model, 100.0 * figure.rays)
+            })
+            .collect();
+        if !views.is_empty() {
+            let message = format!(
+                "A model of {} of the rays is farther from the others than those rays themselves. {}. Report this source to the makers of the program.",
+                self.training_rays,
+                views.join("; ")
+            );
+            notices.add("model.worse_than_rays", message);
+        }
+        notices
+    }
+}
+
+impl fmt::Display for View {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            View::Plane(sizes) => write!(f, "plane at {sizes} sizes"),
+            View::FarField => write!(f, "far field"),
+            View::Seen(degrees) => write!(f, "seen from {degrees} deg"),
+        }
+    }
+}
