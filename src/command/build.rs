@@ -14,6 +14,7 @@ use pipeline::flux::balance::Share;
 use pipeline::hull::Label;
 use pipeline::model::Model;
 use pipeline::model::channel::Origin;
+use pipeline::model::study::View;
 use pipeline::{Declared, Input, Limits, Outcome, Stage, Total};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -102,6 +103,7 @@ fn summary(outcome: &Outcome, times: &[(Stage, Duration)], folder: &Path) -> Tab
     channel_rows(&mut table, model);
     hull_rows(&mut table, model);
     flux_rows(&mut table, model);
+    quality_rows(&mut table, model);
     zone_rows(&mut table, model);
     time_rows(&mut table, times, model.surface.balance.incoming.rays);
     notice_rows(&mut table, &outcome.notices);
@@ -166,6 +168,20 @@ fn flux_rows(table: &mut Table, model: &Model) {
         table.row("flux", [fate.into(), format!("{}; {} rays; {portion}", flux(share.flux), count(share.rays))]);
     }
     table.row("flux", ["out".into(), flux(balance.after_smoothing)]);
+}
+
+/// Where the light was put, and how far a model of a part of the rays is from the others.
+fn quality_rows(table: &mut Table, model: &Model) {
+    let Some(study) = &model.study else { return };
+    if let Some(surface) = study.surface() {
+        let of = format!("best of {} surfaces", study.candidates.len());
+        table.row("light", ["put".into(), surface.to_string(), of]);
+    }
+    for view in [View::Plane(0.5), View::Plane(2.0), View::FarField] {
+        if let Some(figure) = study.figures.iter().find(|figure| figure.view == view) {
+            table.row("error", [view.to_string(), figure.to_string()]);
+        }
+    }
 }
 
 fn zone_rows(table: &mut Table, model: &Model) {

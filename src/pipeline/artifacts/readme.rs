@@ -2,6 +2,7 @@
 
 use super::provenance::{generator, source_name};
 use crate::model::Model;
+use crate::model::study::Study;
 use crate::vocabulary::notice::Notice;
 use crate::vocabulary::space::Axis;
 use crate::writing::Artifact;
@@ -23,6 +24,26 @@ const MEANINGS: [(&str, &str); 8] = [
 const LINE_CHARS: usize = 100;
 /// Most characters of a notice: a channel's name and foreign texts are part of it.
 const NOTICE_CHARS: usize = 2000;
+
+/// Where the light was put, and how good the model is.
+fn proof(study: &Study) -> Vec<String> {
+    let mut lines = Vec::new();
+    if let Some(surface) = study.surface() {
+        let tried = match study.candidates.len() {
+            1 => String::new(),
+            count => format!("; it predicts rays best of {count} surfaces"),
+        };
+        lines.push(format!("The light is put {surface}{tried}."));
+        lines.push(String::new());
+    }
+    if !study.figures.is_empty() {
+        lines.push(format!("A model like this one, made of {} of the rays, was compared with", study.training_rays));
+        lines.push(format!("{} other rays. Its root mean square error, and that of its own rays:", study.judging_rays));
+        lines.extend(study.figures.iter().map(|figure| format!("    {:<20} {figure}", figure.view.to_string())));
+        lines.push(String::new());
+    }
+    lines
+}
 
 /// The page; `notices` are those of writing the other artifacts, `names` are all other files of the zip.
 pub fn artifact(model: &Model, notices: &[Notice], names: &[&str]) -> Artifact {
@@ -64,6 +85,9 @@ pub fn artifact(model: &Model, notices: &[Notice], names: &[&str]) -> Artifact {
         "M is the interpolated exitance (emitter.glb), q the zone's normalised goniogram (goniograms.json).".to_owned(),
         String::new(),
     ];
+    if let Some(study) = &model.study {
+        lines.extend(proof(study));
+    }
     for (beginning, meaning) in MEANINGS {
         let count = names.iter().filter(|name| name.starts_with(beginning)).count();
         if count > 0 {

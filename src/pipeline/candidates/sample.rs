@@ -35,10 +35,11 @@ impl Sample {
         let pick = |rays: &[Ray]| -> Result<Vec<(u64, Ray)>, Error> {
             Ok(rays.iter().map(|ray| (of_content(ray), *ray)).filter(|(hash, _)| *hash <= keep_up_to).collect())
         };
-        let mut picked = Cloud::new(source, None).fold(watch, Vec::new(), pick, |all: &mut Vec<(u64, Ray)>, part| {
-            let room = MOST_RAYS.saturating_sub(all.len());
-            all.extend(part.into_iter().take(room));
-        })?;
+        let mut picked =
+            Cloud::new(source, None).fold(watch, Vec::new(), pick, |all: &mut Vec<(u64, Ray)>, part| {
+                let room = MOST_RAYS.saturating_sub(all.len());
+                all.extend(part.into_iter().take(room));
+            })?;
         picked.sort_unstable_by_key(|(hash, ray)| (*hash, ray.index));
         let (held_out, mut training): (Vec<_>, Vec<_>) =
             picked.into_iter().partition(|(content, _)| is_held_out(*content));
@@ -50,10 +51,7 @@ impl Sample {
             ray.luminous_lm *= if radiant { 0.0 } else { scale };
         }
         let rays = |picked: Vec<(u64, Ray)>| picked.into_iter().map(|(_, ray)| ray).collect();
-        let flux = Flux {
-            radiant_w: source.flux.radiant_w,
-            luminous_lm: source.flux.luminous_lm.filter(|_| !radiant),
-        };
+        let flux = Flux { radiant_w: source.flux.radiant_w, luminous_lm: source.flux.luminous_lm.filter(|_| !radiant) };
         let spectral = Spectral { columns: Columns::None, ..source.spectral.clone() };
         Ok(Sample { training: Sampled { rays: rays(training), flux, spectral }, held_out: rays(held_out), keep_up_to })
     }

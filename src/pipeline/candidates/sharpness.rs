@@ -98,7 +98,8 @@ impl Search {
             .iter()
             .flat_map(|curvature| (0..DEPTHS).map(move |k| (2.0 * curvature / self.size_mm, depth_mm(k, DEPTHS))))
             .collect();
-        [(planes, 0.0), (spheres, 0.6 / self.size_mm)].map(|(places, curvature_step)| self.refine(places, curvature_step))
+        [(planes, 0.0), (spheres, 0.6 / self.size_mm)]
+            .map(|(places, curvature_step)| self.refine(places, curvature_step))
     }
 
     /// How deep the origins lie behind those farthest ahead, mm.
@@ -274,8 +275,12 @@ fn predicted(surface: &FocalSurface, rays: &[Ray]) -> Option<f64> {
             of_direction[bin] = sent[bin] / (solid_angles_sr[bin] * met[bin]).max(f64::MIN_POSITIVE);
         }
         for (place, projected) in projected.iter().enumerate() {
-            let sum: f64 =
-                projected.iter().zip(&of_direction).zip(&solid_angles_sr).map(|((cosine, l), sr)| cosine * l * sr).sum();
+            let sum: f64 = projected
+                .iter()
+                .zip(&of_direction)
+                .zip(&solid_angles_sr)
+                .map(|((cosine, l), sr)| cosine * l * sr)
+                .sum();
             of_place[place] = places.exitance(place) / sum.max(f64::MIN_POSITIVE);
         }
     }
@@ -293,8 +298,7 @@ struct Places {
 impl Places {
     fn of(rays: &mut [Met]) -> Places {
         let count = 1 << HALVINGS;
-        let mut places =
-            Places { cuts: vec![(0, 0.0); count], areas_mm2: vec![0.0; count], flux: vec![0.0; count] };
+        let mut places = Places { cuts: vec![(0, 0.0); count], areas_mm2: vec![0.0; count], flux: vec![0.0; count] };
         let (mut least, mut greatest) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         rays.iter().for_each(|met| (least, greatest) = (least.min(met.at_mm), greatest.max(met.at_mm)));
         places.halve(1, rays, least, greatest);

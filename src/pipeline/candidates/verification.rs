@@ -191,10 +191,13 @@ pub fn verify(
             counts
         };
         // Sums of whole numbers: any order of the batches gives the same.
-        (0..DRAWN / BATCH).into_par_iter().map(batch).reduce(|| none.clone(), |mut all, part| {
-            all.merge(&part);
-            all
-        })
+        (0..DRAWN / BATCH).into_par_iter().map(batch).reduce(
+            || none.clone(),
+            |mut all, part| {
+                all.merge(&part);
+                all
+            },
+        )
     });
     study.judging_rays = truth.iter().map(|half| half.rays).sum();
     study.drawn_rays = drawn.iter().map(|half| half.rays).sum();

@@ -220,6 +220,7 @@ mod tests {
             cell_mm: DVec3::ONE,
             resolution: 1,
             max_edge_mm: 1.0,
+            focal: None,
             notices: Notices::default(),
         }
     }

@@ -56,8 +56,11 @@ impl FocalSurface {
         let (origin, direction) = (inverse * (origin_mm - self.apex_mm), inverse * direction);
         if self.curvature_per_mm == 0.0 {
             let at_mm = (origin - origin.z / direction.z * direction).truncate();
-            return (direction.z > 0.0 && at_mm.is_finite())
-                .then(|| Crossing { at_mm, normal: self.axes.z_axis, cosine: direction.z });
+            return (direction.z > 0.0 && at_mm.is_finite()).then_some(Crossing {
+                at_mm,
+                normal: self.axes.z_axis,
+                cosine: direction.z,
+            });
         }
         let radius_mm = 1.0 / self.curvature_per_mm;
         let centre = DVec3::Z * radius_mm;
@@ -109,6 +112,15 @@ impl Symmetry {
             Symmetry::None => 1,
             Symmetry::TwoMirrors => 4,
             Symmetry::FourMirrors => 8,
+        }
+    }
+
+    /// How many mirror planes there are.
+    pub fn mirrors(self) -> u8 {
+        match self {
+            Symmetry::None => 0,
+            Symmetry::TwoMirrors => 2,
+            Symmetry::FourMirrors => 4,
         }
     }
 }
@@ -315,13 +327,9 @@ pub fn hull(
     }
     let loose = wrap_loose(watch.part(0.4, 1.0))?;
     grid.loose_cell_mm = loose.cell_mm;
-    let mut hull = if triangles_of(&sheet) == 0 { loose } else { joined(sheet, &loose) };
+    let mut hull = if sheet.triangles.is_empty() { loose } else { joined(sheet, &loose) };
     hull.focal = Some(grid);
     Ok(hull)
-}
-
-fn triangles_of(hull: &Hull) -> usize {
-    hull.triangles.len()
 }
 
 /// Two surfaces as one that does not hang together.

@@ -71,7 +71,8 @@ pub fn wrap(cloud: &Cloud<'_>, options: &HullOptions, limits: &Limits, watch: St
     };
     options.validate()?;
     focal::hull(cloud, patch, options.resolution, watch, |watch| {
-        let loose = |rays: &[Ray]| -> Vec<Ray> { rays.iter().filter(|ray| patch.meet(ray).is_none()).copied().collect() };
+        let loose =
+            |rays: &[Ray]| -> Vec<Ray> { rays.iter().filter(|ray| patch.meet(ray).is_none()).copied().collect() };
         let pass = |watch: StageWatch<'_>, visit: &(dyn Fn(&[Ray]) + Sync)| {
             let visit_chunk = |rays: &[Ray]| {
                 visit(&loose(rays));

@@ -276,7 +276,8 @@ fn origins(found: &Inspection) -> Check {
     let Some(origins) = &found.origins else { return ok(NAME, "There are no origins.") };
     let told = told(origins);
     let means = "Where the light comes from, the virtual focus tells. A surface made of these origins is right far away \
-                 and blurred near the source.";
+                 and blurred near the source; a job puts the light where it is sharper, if that predicts rays better \
+                 (hull.emission = auto).";
     let Some(focus) = &found.focus else { return ok(NAME, told) };
     if found.median_origin_distance_mm > FAR * focus.distance_99_mm {
         let far = format!(

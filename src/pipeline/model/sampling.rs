@@ -78,7 +78,8 @@ impl<'a> Sampler<'a> {
         let c = (c as f64 + uniform(random) - uniform(random)) * dc;
         let from = k as f64 * dg;
         let sign = if uniform(random) < self.below[k] { -1.0 } else { 1.0 };
-        let largest = from.sin().max((from + sign * dg).sin()).max(if (from - PI / 2.0).abs() < dg { 1.0 } else { 0.0 });
+        let largest =
+            from.sin().max((from + sign * dg).sin()).max(if (from - PI / 2.0).abs() < dg { 1.0 } else { 0.0 });
         let gamma = loop {
             // Distances with the density 1 − s, kept in proportion to sin γ.
             let gamma = from + sign * dg * (1.0 - uniform(random).sqrt());

@@ -2,6 +2,7 @@
 
 use crate::hull::focal::FocalPatch;
 use crate::vocabulary::notice::Notices;
+use crate::writing::number::text;
 use std::fmt;
 
 /// Choice and verification.
@@ -34,6 +35,29 @@ pub struct Candidate {
     pub gain: Option<(f64, f64)>,
 }
 
+impl Candidate {
+    /// What kind of surface it is.
+    pub fn surface(&self) -> &'static str {
+        match self.patch {
+            None => "origins",
+            Some(patch) if patch.surface.curvature_per_mm == 0.0 => "plane",
+            Some(_) => "sphere",
+        }
+    }
+}
+
+impl fmt::Display for Candidate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Some(patch) = self.patch else { return write!(f, "where the rays start") };
+        let apex = patch.surface.apex_mm.to_array().map(|at| text(at, 4)).join(", ");
+        write!(f, "{} through ({apex}) mm", self.surface())?;
+        match patch.symmetry.mirrors() {
+            0 => Ok(()),
+            mirrors => write!(f, ", {mirrors} mirror planes"),
+        }
+    }
+}
+
 /// What is compared with the rays held out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum View {
@@ -61,6 +85,11 @@ pub struct Figure {
 }
 
 impl Study {
+    /// The surface that was taken.
+    pub fn surface(&self) -> Option<&Candidate> {
+        self.candidates.get(self.chosen)
+    }
+
     /// Where the model is surely worse than the rays of which it was made.
     pub fn notices(&self) -> Notices {
         let mut notices = Notices::default();
@@ -82,6 +111,18 @@ impl Study {
             notices.add("model.worse_than_rays", message);
         }
         notices
+    }
+}
+
+impl fmt::Display for Figure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [model, rays, noise] = [self.model, self.rays, self.noise].map(|part| format!("{:.1} %", 100.0 * part));
+        let model = if self.model < self.noise {
+            format!("below the noise of {noise}")
+        } else {
+            format!("{model} (noise {noise})")
+        };
+        write!(f, "{model}, rays {rays}")
     }
 }
 
