@@ -83,13 +83,14 @@ pub fn run(inputs: &[Input], options: &Options, limits: &Limits, watch: &dyn Wat
     options.validate()?;
     let source = Source::read(inputs, &options.rays, limits, StageWatch::enter(watch, Stage::Rays)?)?;
     let hull_stage = StageWatch::enter(watch, Stage::Hull)?;
-    let (patch, study) = candidates::choose(&source, options, limits, hull_stage.part(0.0, CHOICE))?;
-    let cloud = hull::Cloud::new(&source, patch);
-    let model = model::Model::build(&cloud, options, limits, |stage| match stage {
+    let chosen = candidates::choose(&source, options, limits, hull_stage.part(0.0, CHOICE))?;
+    let cloud = hull::Cloud::new(&source, chosen.patch);
+    let pilot = hull::Cloud::sampled(&source, &chosen.sample.training, chosen.patch);
+    let model = model::Model::build(&cloud, Some(&pilot), options, limits, |stage| match stage {
         Stage::Hull => Ok(hull_stage.part(CHOICE, 1.0)),
         stage => StageWatch::enter(watch, stage),
     })?;
-    let model = model.with_study(study);
+    let model = model.with_study(chosen.study);
     let artifacts = artifacts::write(&model, options, StageWatch::enter(watch, Stage::Artifacts)?)?;
     let notices = model.notices.iter().cloned().chain(artifacts::notices(&model).to_vec()).collect();
     Ok(Outcome { model, artifacts, notices })

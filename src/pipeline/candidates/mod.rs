@@ -23,7 +23,7 @@ use crate::source::{Ray, Source};
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::watch::StageWatch;
 use rayon::prelude::*;
-use sample::Sample;
+pub use sample::Sample;
 use sharpness::{Search, Sharp, patch, weight};
 use std::collections::VecDeque;
 use std::f64::consts::PI;
@@ -43,16 +43,21 @@ const FLAT: f64 = 1e-4;
 /// Of fewer rays no part is held out.
 const FEWEST_RAYS: usize = 1000;
 
-/// Chooses the surface of `source` as the options say, and verifies the choice: where rays are slid to, and what was found.
+/// What was chosen.
+pub struct Chosen {
+    /// Where rays are slid to; `None`: they keep their origins.
+    pub patch: Option<FocalPatch>,
+    /// What was found; `None` where there were too few rays.
+    pub study: Option<Study>,
+    /// The rays that were looked at.
+    pub sample: Sample,
+}
+
+/// Chooses the surface of `source` as the options say, and verifies the choice.
 ///
 /// # Errors
 /// `emission.no_focus` where a focal surface was asked for and there is none; those of the stages.
-pub fn choose(
-    source: &Source,
-    options: &Options,
-    limits: &Limits,
-    watch: StageWatch<'_>,
-) -> Result<(Option<FocalPatch>, Option<Study>), Error> {
+pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageWatch<'_>) -> Result<Chosen, Error> {
     let emission = options.emission();
     let sample = Sample::take(source, watch.part(0.0, 0.1))?;
     let mut open: VecDeque<Option<FocalPatch>> = VecDeque::new();
@@ -66,7 +71,7 @@ pub fn choose(
         return Err(no_focus());
     }
     if sample.training.rays.len() < FEWEST_RAYS || sample.held_out.is_empty() {
-        return Ok((open[0], None));
+        return Ok(Chosen { patch: open[0], study: None, sample });
     }
     let mut study = Study {
         training_rays: sample.training.rays.len() as u64,
@@ -75,13 +80,15 @@ pub fn choose(
     };
     let mut best: Option<(Model, Vec<f64>)> = None;
     while let Some(patch) = open.pop_front() {
-        let cloud = Cloud::sampled(source, &sample.training, patch);
+        let cloud = Cloud::sampled(source, &sample.training, patch).plain();
         let tried = study.candidates.len() as f64;
         let part = watch.part(1.0 - 0.8_f64.powf(tried + 1.0), 1.0 - 0.8_f64.powf(tried + 2.0)).part(0.0, 0.9);
         part.step(0.0)?;
-        let model = match Model::build(&cloud, options, limits, |_| Ok(part.part(0.0, 0.0))) {
+        let model = match Model::build(&cloud, None, options, limits, |_| Ok(part.part(0.0, 0.0))) {
             // What is too much for the options is so for all rays too, and said there.
-            Err(Error::Refused(_)) if patch.is_none() && study.candidates.is_empty() => return Ok((None, None)),
+            Err(Error::Refused(_)) if patch.is_none() && study.candidates.is_empty() => {
+                return Ok(Chosen { patch: None, study: None, sample });
+            }
             model => model?,
         };
         let judged = log_radiances(&model, source, &sample.held_out);
@@ -104,7 +111,7 @@ pub fn choose(
     if let Some((model, _)) = best {
         verify(&model, source, &sample, &mut study, watch.part(0.9, 1.0))?;
     }
-    Ok((study.candidates[study.chosen].patch, Some(study)))
+    Ok(Chosen { patch: study.candidates[study.chosen].patch, study: Some(study), sample })
 }
 
 fn no_focus() -> Error {

@@ -5,7 +5,6 @@ use crate::hull::Cloud;
 use crate::hull::cloud::Sampled;
 use crate::inspection::sample::hash;
 use crate::source::{Columns, Ray, Source, Spectral};
-use crate::vocabulary::units::Flux;
 use crate::vocabulary::watch::StageWatch;
 
 /// Rays expected in the sample of a large source; of up to so many, all are taken.
@@ -17,7 +16,7 @@ const HELD_OUT: u64 = 5;
 
 /// Rays to build of, and rays to judge by, in an order that does not follow that of the file. Equal rays are on one side.
 pub struct Sample {
-    /// Rays to build of, of one quantity and without their spectrum: their fluxes are scaled to add up to that of the source.
+    /// Rays to build of; their fluxes are scaled to add up to those of the source.
     pub training: Sampled,
     /// Rays held out, fluxes as in the source.
     pub held_out: Vec<Ray>,
@@ -43,17 +42,20 @@ impl Sample {
         picked.sort_unstable_by_key(|(hash, ray)| (*hash, ray.index));
         let (held_out, mut training): (Vec<_>, Vec<_>) =
             picked.into_iter().partition(|(content, _)| is_held_out(*content));
-        let radiant = source.flux.radiant_w.is_some();
-        let sum: f64 = training.iter().map(|(_, ray)| weight(ray, radiant)).sum();
-        let scale = if sum > 0.0 { source.flux.primary() / sum } else { 0.0 };
+        let scale = |total: Option<f64>, of: fn(&Ray) -> f64| {
+            let sum: f64 = training.iter().map(|(_, ray)| of(ray)).sum();
+            total.filter(|_| sum > 0.0).map_or(0.0, |total| total / sum)
+        };
+        let radiant = scale(source.flux.radiant_w, |ray| ray.radiant_w);
+        let luminous = scale(source.flux.luminous_lm, |ray| ray.luminous_lm);
         for (_, ray) in &mut training {
-            ray.radiant_w *= if radiant { scale } else { 0.0 };
-            ray.luminous_lm *= if radiant { 0.0 } else { scale };
+            ray.radiant_w *= radiant;
+            ray.luminous_lm *= luminous;
+            ray.xz_lm = ray.xz_lm.map(|value| value * luminous);
         }
         let rays = |picked: Vec<(u64, Ray)>| picked.into_iter().map(|(_, ray)| ray).collect();
-        let flux = Flux { radiant_w: source.flux.radiant_w, luminous_lm: source.flux.luminous_lm.filter(|_| !radiant) };
-        let spectral = Spectral { columns: Columns::None, ..source.spectral.clone() };
-        Ok(Sample { training: Sampled { rays: rays(training), flux, spectral }, held_out: rays(held_out), keep_up_to })
+        let no_spectrum = Spectral { columns: Columns::None, ..source.spectral.clone() };
+        Ok(Sample { training: Sampled { rays: rays(training), no_spectrum }, held_out: rays(held_out), keep_up_to })
     }
 
     /// Which half of the rays that judge a ray of the source is in; `None` where models were made of it.
@@ -65,10 +67,6 @@ impl Sample {
 
 fn is_held_out(content: u64) -> bool {
     hash(content).is_multiple_of(HELD_OUT)
-}
-
-fn weight(ray: &Ray, radiant: bool) -> f64 {
-    if radiant { ray.radiant_w } else { ray.luminous_lm }
 }
 
 /// A hash of what a ray is, whatever its place in the file.

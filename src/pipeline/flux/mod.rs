@@ -23,7 +23,7 @@ use crate::vocabulary::notice::Notices;
 use crate::vocabulary::units::Flux;
 use crate::vocabulary::watch::StageWatch;
 use balance::Share;
-use project::{Fate, Projector};
+use project::{Fate, Landing, Projector};
 use tally::{Deposit, Quanta, Tally};
 
 /// Flux on the surface.
@@ -49,7 +49,16 @@ const HIT: usize = 0;
 const SNAPPED: usize = 1;
 const REJECTED: usize = 2;
 
-/// Lays every ray on the hull.
+impl Surface {
+    /// A sketch made of a sample, its rays counted as the `factor` times as many that they stand for.
+    #[must_use]
+    pub fn of_more_rays(mut self, factor: f64) -> Surface {
+        self.vertices.rays.iter_mut().for_each(|rays| *rays *= factor);
+        self
+    }
+}
+
+/// Lays every ray on the hull, and tells `landed` of each that lands.
 ///
 /// # Errors
 /// [`Error::Refused`] above [`Limits::max_tally_values`]; [`Error::Cancelled`], [`Error::Unreadable`].
@@ -59,6 +68,7 @@ pub fn project(
     options: &FluxOptions,
     limits: &Limits,
     watch: StageWatch<'_>,
+    landed: impl Fn(&Ray, &Landing, &Deposit) + Sync + Send,
 ) -> Result<Surface, Error> {
     let projector = Projector::new(hull);
     let quanta = Quanta::of(cloud);
@@ -78,6 +88,7 @@ pub fn project(
             };
             met[if landing.fate == Fate::Hit { HIT } else { SNAPPED }].gather(&deposit);
             triangles.add(landing.triangle, &deposit);
+            landed(ray, &landing, &deposit);
             for (vertex, part) in hull.triangles[landing.triangle].iter().zip(deposit.split(landing.shares)) {
                 vertices.add(*vertex as usize, &part);
             }

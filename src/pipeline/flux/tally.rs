@@ -184,6 +184,11 @@ pub struct Amounts {
 }
 
 impl Amounts {
+    /// Of no sites.
+    pub fn none() -> Amounts {
+        Amounts { rays: Vec::new(), radiant_w: None, luminous_lm: None, columns: Vec::new(), column_count: 0 }
+    }
+
     /// How many sites.
     pub fn len(&self) -> usize {
         self.rays.len()

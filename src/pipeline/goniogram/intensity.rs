@@ -123,17 +123,14 @@ impl Grids {
         }
     }
 
-    /// What each zone's own vertices were counted to send, from the tallies of all zones (sites `zone × cells + cell`).
-    pub fn counted(&self, fine: &Amounts, spectral: &Amounts) -> Vec<Measured> {
-        let (fine_cells, spectral_cells) = (self.fine.cell_count(), self.spectral.cell_count());
+    /// What each zone's own vertices were counted to send, from the sums of all zones (sites `zone × cells + cell`).
+    pub fn counted(&self, fine: &Amounts, spectral: Option<&Amounts>) -> Vec<Measured> {
+        let of_zone = |amounts: &Amounts, cells: usize, id: usize| amounts.slice(id * cells..(id + 1) * cells);
         let zone = |id: usize| {
-            let spectral_cells = if spectral.is_empty() { 0 } else { spectral_cells };
-            Measured::new(
-                fine.slice(id * fine_cells..(id + 1) * fine_cells),
-                spectral.slice(id * spectral_cells..(id + 1) * spectral_cells),
-            )
+            let spectral = spectral.map(|spectral| of_zone(spectral, self.spectral.cell_count(), id));
+            Measured::new(of_zone(fine, self.fine.cell_count(), id), spectral.unwrap_or_else(Amounts::none))
         };
-        (0..fine.len() / fine_cells).map(zone).collect()
+        (0..fine.len() / self.fine.cell_count()).map(zone).collect()
     }
 
     /// The primary flux of the zones, smoothed: of outward `normals` of each zone's surface in the photometric frame, with weights that

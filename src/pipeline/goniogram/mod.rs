@@ -25,8 +25,8 @@ pub use zone::{Lattice, Zone};
 
 use crate::error::Error;
 use crate::flux::Surface;
-use crate::flux::project::Projector;
-use crate::flux::tally::{Quanta, Tally};
+use crate::flux::project::Landing;
+use crate::flux::tally::{Deposit, Quanta, Tally};
 use crate::hull::{Cloud, Hull};
 use crate::source::Ray;
 use crate::vocabulary::limits::Limits;
@@ -83,69 +83,127 @@ impl Goniograms {
     }
 }
 
-/// Makes the zones and measures a goniogram for each, and one for the whole source.
+/// Zones and grids, and what is counted in them while the rays are laid on the hull.
+pub struct Plan {
+    zoning: Zoning,
+    grids: Grids,
+    fine: Tally,
+    /// Without sites where there is no spectrum.
+    spectral: Option<Tally>,
+}
+
+/// Lays out zones by the light on `sketch`, and grids.
 ///
 /// # Errors
-/// [`Error::Unusable`] when γ = 0 and C0 lie along one line; [`Error::Refused`] above [`Limits::max_tally_values`];
-/// [`Error::Cancelled`]; [`Error::Unreadable`].
-pub fn measure(
+/// [`Error::Unusable`] when γ = 0 and C0 lie along one line; [`Error::Refused`] above [`Limits::max_tally_values`].
+pub fn plan(
     cloud: &Cloud<'_>,
     hull: &Hull,
-    surface: &Surface,
+    sketch: &Surface,
     options: &GoniogramOptions,
     limits: &Limits,
-    watch: StageWatch<'_>,
-) -> Result<Goniograms, Error> {
+) -> Result<Plan, Error> {
     let frame = orientation::frame(&cloud.source.survey.directions, options)?;
     let asked = options.zones.map(|zones| (zones.columns, zones.rows));
-    let mut zoning = match (asked, options.zoning()) {
+    let zoning = match (asked, options.zoning()) {
         (None, ZoneLayout::Auto) if options.smooths() => {
-            Zoning::along(hull, surface, frame, most_zones(cloud, &frame, options))
+            Zoning::along(hull, sketch, frame, most_zones(cloud, &frame, options))
         }
-        _ => Zoning::on_lattice(hull, surface, frame, asked),
+        _ => Zoning::on_lattice(hull, sketch, frame, asked),
     };
-    let bands = if cloud.spectral().has_bands() { cloud.spectral().bands.len() } else { 0 };
-    let grids = Grids::new(&cloud.source.survey.directions, &frame, options, zoning.zones.len(), bands);
-    let (fine, spectral) = collect(cloud, hull, &zoning, &grids, limits, watch.part(0.0, 0.8))?;
-    let spectrum = cloud.spectral();
-    let mut measured = grids.counted(&fine, &spectral);
-    if options.smooths() {
-        let normals = zoning.normals(hull, surface);
-        let mut estimates = grids.estimates(&measured, &normals, &zoning.kind_of_zone, &surface.ray);
-        watch.step(0.9)?;
-        let mut refined = std::mem::take(&mut estimates.zones);
-        if zoning.lattice.is_none() {
-            let zone_of_zone = zoning.merge(&estimates.even_kinds, hull, surface);
-            measured = intensity::merged(measured, &zone_of_zone);
-            let merged = |zone: usize| {
-                let kind = zoning.kind_of_zone[zone] as usize;
-                let own = zone_of_zone.iter().position(|new| *new as usize == zone).unwrap_or(zone);
-                std::mem::take(if estimates.even_kinds[kind] { &mut estimates.kinds[kind] } else { &mut refined[own] })
-            };
-            refined = (0..zoning.zones.len()).map(merged).collect();
+    let (spectrum, zones) = (cloud.spectral(), zoning.zones.len());
+    let bands = if spectrum.has_bands() { spectrum.bands.len() } else { 0 };
+    let grids = Grids::new(&cloud.source.survey.directions, &frame, options, zones, bands);
+    let quanta = Quanta::of(cloud);
+    let fine = Tally::new(&quanta, zones * grids.fine.cell_count(), false, limits)?;
+    let spectral = (spectrum.column_count() > 0)
+        .then(|| Tally::new(&quanta, zones * grids.spectral.cell_count(), true, limits))
+        .transpose()?;
+    Ok(Plan { zoning, grids, fine, spectral })
+}
+
+impl Plan {
+    /// Adds a ray that landed to the cells of the zones its triangle's corners belong to, by the weights at its landing point: a zone's
+    /// flux is the flux of its vertices before smoothing. Sites are `zone × cells + cell`, over the fine and the spectral grid.
+    pub fn add(&self, hull: &Hull, ray: &Ray, landing: &Landing, deposit: &Deposit) {
+        let Plan { zoning, grids, fine, spectral } = self;
+        let (c, gamma) = zoning.frame.angles(ray.direction);
+        let cell = grids.fine.cell(c, gamma);
+        let spectral = spectral.as_ref().map(|tally| (tally, grids.spectral.cell(c, gamma)));
+        let put = |zone: u32, part: &Deposit| {
+            fine.add(zone as usize * grids.fine.cell_count() + cell, part);
+            if let Some((tally, cell)) = spectral {
+                tally.add(zone as usize * grids.spectral.cell_count() + cell, part);
+            }
+        };
+        let zones = hull.triangles[landing.triangle].map(|vertex| zoning.zone_of_vertex[vertex as usize]);
+        if zones[0] == zones[1] && zones[1] == zones[2] {
+            put(zones[0], deposit);
+        } else {
+            zones.iter().zip(deposit.split(landing.shares)).for_each(|(zone, part)| put(*zone, &part));
         }
-        let shares =
-            Shares::of(&zoning.mixtures, &zoning.zone_of_vertex, surface.vertices.primary(), zoning.zones.len());
-        grids.smooth(&mut measured, refined, &shares, &surface.ray, spectrum);
-        watch.step(1.0)?;
     }
-    let zones = zoning.zones.into_iter().zip(&measured);
-    let zones = zones.map(|(zone, own)| Zone { goniogram: grids.goniogram(own, spectrum), ..zone }).collect();
-    let whole = measured.into_iter().reduce(|mut whole, zone| {
-        whole.add(&zone);
-        whole
-    });
-    Ok(Goniograms {
-        frame,
-        lattice: zoning.lattice,
-        zones,
-        zone_of_vertex: zoning.zone_of_vertex,
-        mixtures: zoning.mixtures,
-        total: whole.map(|whole| grids.goniogram(&whole, spectrum)).unwrap_or_default(),
-        grid: grids.fine,
-        spectral_grid: grids.spectral,
-        notices: Notices::default(),
-    })
+
+    /// The goniograms of what was counted, one for each zone and one for the whole source.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`].
+    pub fn measure(
+        self,
+        cloud: &Cloud<'_>,
+        hull: &Hull,
+        surface: &Surface,
+        options: &GoniogramOptions,
+        watch: StageWatch<'_>,
+    ) -> Result<Goniograms, Error> {
+        let Plan { mut zoning, grids, fine, spectral } = self;
+        zoning.describe(hull, surface);
+        let spectrum = cloud.spectral();
+        let spectral = spectral.map(Tally::amounts);
+        let mut measured = grids.counted(&fine.amounts(), spectral.as_ref());
+        drop(spectral);
+        if options.smooths() {
+            let normals = zoning.normals(hull, surface);
+            let mut estimates = grids.estimates(&measured, &normals, &zoning.kind_of_zone, &surface.ray);
+            watch.step(0.5)?;
+            let mut refined = std::mem::take(&mut estimates.zones);
+            if zoning.lattice.is_none() {
+                let zone_of_zone = zoning.merge(&estimates.even_kinds, hull, surface);
+                measured = intensity::merged(measured, &zone_of_zone);
+                let merged = |zone: usize| {
+                    let kind = zoning.kind_of_zone[zone] as usize;
+                    let own = zone_of_zone.iter().position(|new| *new as usize == zone).unwrap_or(zone);
+                    std::mem::take(if estimates.even_kinds[kind] {
+                        &mut estimates.kinds[kind]
+                    } else {
+                        &mut refined[own]
+                    })
+                };
+                refined = (0..zoning.zones.len()).map(merged).collect();
+            }
+            let shares =
+                Shares::of(&zoning.mixtures, &zoning.zone_of_vertex, surface.vertices.primary(), zoning.zones.len());
+            grids.smooth(&mut measured, refined, &shares, &surface.ray, spectrum);
+        }
+        watch.step(1.0)?;
+        let zones = zoning.zones.into_iter().zip(&measured);
+        let zones = zones.map(|(zone, own)| Zone { goniogram: grids.goniogram(own, spectrum), ..zone }).collect();
+        let whole = measured.into_iter().reduce(|mut whole, zone| {
+            whole.add(&zone);
+            whole
+        });
+        Ok(Goniograms {
+            frame: zoning.frame,
+            lattice: zoning.lattice,
+            zones,
+            zone_of_vertex: zoning.zone_of_vertex,
+            mixtures: zoning.mixtures,
+            total: whole.map(|whole| grids.goniogram(&whole, spectrum)).unwrap_or_default(),
+            grid: grids.fine,
+            spectral_grid: grids.spectral,
+            notices: Notices::default(),
+        })
+    }
 }
 
 /// Most zones that follow the surface, so that all of their cells stay few: narrow beams, fine grids and many bands leave room for
@@ -156,47 +214,4 @@ fn most_zones(cloud: &Cloud<'_>, frame: &Frame, options: &GoniogramOptions) -> u
     let columns = COARSEST_CELLS * cloud.spectral().column_count().max(1) as f64;
     let by_columns = (MOST_COLUMNS / columns) as usize;
     intensity::most_zones(directions, frame, gamma_deg, c_deg).min(by_columns).clamp(1, MOST_ZONES)
-}
-
-/// Lays every ray on the hull again and adds it to the cells of the zones its triangle's corners belong to, by the weights at
-/// its landing point: a zone's flux is the flux of its vertices before
-/// smoothing. Sites are `zone × cells + cell`, over the fine and the
-/// spectral grid.
-fn collect(
-    cloud: &Cloud<'_>,
-    hull: &Hull,
-    zoning: &Zoning,
-    grids: &Grids,
-    limits: &Limits,
-    watch: StageWatch<'_>,
-) -> Result<(crate::flux::Amounts, crate::flux::Amounts), Error> {
-    let projector = Projector::new(hull);
-    let quanta = Quanta::of(cloud);
-    let has_bands = cloud.spectral().column_count() > 0;
-    let (fine_cells, spectral_cells) = (grids.fine.cell_count(), grids.spectral.cell_count());
-    let fine = Tally::new(&quanta, zoning.zones.len() * fine_cells, false, limits)?;
-    let spectral = Tally::new(&quanta, if has_bands { zoning.zones.len() * spectral_cells } else { 0 }, true, limits)?;
-    let add = |rays: &[Ray]| {
-        for ray in rays {
-            let Some(landing) = projector.land(ray) else { continue };
-            let (c, gamma) = zoning.frame.angles(ray.direction);
-            let (fine_cell, spectral_cell) = (grids.fine.cell(c, gamma), grids.spectral.cell(c, gamma));
-            let deposit = quanta.deposit(ray);
-            let zones = hull.triangles[landing.triangle].map(|vertex| zoning.zone_of_vertex[vertex as usize] as usize);
-            let put = |zone: usize, part: &_| {
-                fine.add(zone * fine_cells + fine_cell, part);
-                if has_bands {
-                    spectral.add(zone * spectral_cells + spectral_cell, part);
-                }
-            };
-            if zones[0] == zones[1] && zones[1] == zones[2] {
-                put(zones[0], &deposit);
-            } else {
-                zones.iter().zip(deposit.split(landing.shares)).for_each(|(zone, part)| put(*zone, &part));
-            }
-        }
-        Ok(())
-    };
-    cloud.fold(watch, (), add, |(), ()| ())?;
-    Ok((fine.amounts(), spectral.amounts()))
 }

@@ -197,6 +197,12 @@ impl Zoning {
         Zoning { frame, lattice: Some(lattice), zones, zone_of_vertex, kind_of_zone, mixtures }
     }
 
+    /// Boxes, areas and centroids of the zones, by the light on `surface`.
+    pub fn describe(&mut self, hull: &Hull, surface: &Surface) {
+        self.zones = self.zones.iter().map(|zone| Zone::empty(zone.id, zone.place)).collect();
+        describe(&mut self.zones, &self.zone_of_vertex, hull, surface);
+    }
+
     /// Outward normals of each zone's surface in the photometric frame, weighted by the flux of its vertices, weights that sum to 1.
     /// Nearly equal normals are one.
     pub fn normals(&self, hull: &Hull, surface: &Surface) -> Vec<Vec<(DVec3, f64)>> {

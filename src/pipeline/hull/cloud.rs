@@ -23,43 +23,58 @@ pub struct Cloud<'a> {
     pub patch: Option<FocalPatch>,
     /// Rays that stand for all; `None`: all.
     sample: Option<&'a Sampled>,
+    /// Only the primary quantity of a sample is looked at.
+    is_plain: bool,
 }
 
-/// Rays that stand for all of a source, and what is known of their light.
+/// Rays that stand for all of a source.
 pub struct Sampled {
-    /// The rays; their fluxes add up to `flux`.
+    /// The rays; their fluxes add up to that of the source.
     pub rays: Vec<Ray>,
-    /// The flux of the source.
-    pub flux: Flux,
-    /// Its spectral side, or less of it.
-    pub spectral: Spectral,
+    /// The spectral side of a plain look at them: none.
+    pub no_spectrum: Spectral,
 }
 
 impl<'a> Cloud<'a> {
     /// All rays of `source`.
     pub fn new(source: &'a Source, patch: Option<FocalPatch>) -> Cloud<'a> {
-        Cloud { source, patch, sample: None }
+        Cloud { source, patch, sample: None, is_plain: false }
     }
 
     /// Rays that stand for all of `source`.
     pub fn sampled(source: &'a Source, sample: &'a Sampled, patch: Option<FocalPatch>) -> Cloud<'a> {
-        Cloud { source, patch, sample: Some(sample) }
+        Cloud { source, patch, sample: Some(sample), is_plain: false }
     }
 
-    /// The flux of the source, in each known quantity.
+    /// The flux of the source, in each quantity that is looked at.
     pub fn flux(&self) -> Flux {
-        self.sample.map_or(self.source.flux, |sample| sample.flux)
+        let Flux { radiant_w, luminous_lm } = self.source.flux;
+        Flux { radiant_w, luminous_lm: luminous_lm.filter(|_| !(self.is_plain && radiant_w.is_some())) }
     }
 
-    /// The spectral side of the source.
+    /// The spectral side of the source, as far as it is looked at.
     pub fn spectral(&self) -> &'a Spectral {
-        self.sample.map_or(&self.source.spectral, |sample| &sample.spectral)
+        let plain = self.sample.filter(|_| self.is_plain);
+        plain.map_or(&self.source.spectral, |sample| &sample.no_spectrum)
     }
 
     /// How many rays there are; of a symmetric source with their images.
     pub fn ray_count(&self) -> u64 {
         let rays = self.sample.map_or(self.source.survey.rays_used, |sample| sample.rays.len() as u64);
         rays.saturating_mul(self.images() as u64)
+    }
+
+    /// The same rays without their images.
+    #[must_use]
+    pub fn without_images(self) -> Cloud<'a> {
+        let patch = self.patch.map(|patch| FocalPatch { symmetry: Symmetry::None, ..patch });
+        Cloud { patch, ..self }
+    }
+
+    /// The same rays, all of one quantity and without their spectrum, where they are a sample.
+    #[must_use]
+    pub fn plain(self) -> Cloud<'a> {
+        Cloud { is_plain: true, ..self }
     }
 
     /// Images of each ray that a pass shows, itself included: a power of two.

@@ -115,6 +115,26 @@ impl Symmetry {
         }
     }
 
+    /// Cells of a symmetric grid, `[y][x]`, where any image of a cell is marked.
+    fn spread(self, [columns, rows]: [usize; 2], mut marked: Vec<bool>) -> Vec<bool> {
+        let mut join = |image: &dyn Fn(usize, usize) -> (usize, usize)| {
+            marked = (0..columns * rows)
+                .map(|cell| {
+                    let (x, y) = image(cell % columns, cell / columns);
+                    marked[cell] || marked[y * columns + x]
+                })
+                .collect();
+        };
+        if self != Symmetry::None {
+            join(&|x, y| (columns - 1 - x, y));
+            join(&|x, y| (x, rows - 1 - y));
+        }
+        if self == Symmetry::FourMirrors && columns == rows {
+            join(&|x, y| (y, x));
+        }
+        marked
+    }
+
     /// How many mirror planes there are.
     pub fn mirrors(self) -> u8 {
         match self {
@@ -301,11 +321,11 @@ pub fn hull(
         Ok(found)
     };
     let start = Found { rays: vec![0; cells[0] * cells[1]], loose: 0 };
-    let found = cloud.fold(watch.part(0.0, 0.4), start, count, |all, part| {
+    let found = cloud.without_images().fold(watch.part(0.0, 0.4), start, count, |all, part| {
         all.rays.iter_mut().zip(part.rays).for_each(|(sum, rays)| *sum = sum.saturating_add(rays));
         all.loose += part.loose;
     })?;
-    let lit: Vec<bool> = found.rays.iter().map(|rays| *rays > 0).collect();
+    let lit = patch.symmetry.spread(cells, found.rays.iter().map(|rays| *rays > 0).collect());
     let (vertices_mm, triangles) = grid.mesh(&lit);
     let cell_mm = grid.size_mm();
     let sheet = Hull {

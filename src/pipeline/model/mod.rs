@@ -12,11 +12,13 @@ pub mod study;
 pub mod channel;
 
 use crate::error::Error;
+use crate::flux::project::Landing;
+use crate::flux::tally::Deposit;
 use crate::flux::{self, Surface};
 use crate::goniogram::{self, Goniograms};
 use crate::hull::{self, Cloud, Hull};
-use crate::options::Options;
-use crate::source::Spectral;
+use crate::options::{Options, ZoneLayout};
+use crate::source::{Ray, Spectral};
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notice;
 use crate::vocabulary::units::Flux;
@@ -46,20 +48,27 @@ pub struct Model {
 }
 
 impl Model {
-    /// Makes the model of `cloud`: hull, flux, goniograms, each with its own watch.
+    /// Makes the model of `cloud`: hull, flux and goniograms, each with its own watch. Zones are laid out by the rays of `pilot`, a sample
+    /// of the same rays, so that every ray is laid on the hull once; without it, by all rays.
     ///
     /// # Errors
     /// Those of the stages.
     pub fn build<'w>(
         cloud: &Cloud<'_>,
+        pilot: Option<&Cloud<'_>>,
         options: &Options,
         limits: &Limits,
         watch: impl Fn(Stage) -> Result<StageWatch<'w>, Error>,
     ) -> Result<Model, Error> {
         let hull = hull::wrap(cloud, &options.hull, limits, watch(Stage::Hull)?)?;
-        let surface = flux::project(cloud, &hull, &options.flux, limits, watch(Stage::Flux)?)?;
-        let goniograms =
-            goniogram::measure(cloud, &hull, &surface, &options.goniogram, limits, watch(Stage::Goniogram)?)?;
+        let flux_stage = watch(Stage::Flux)?;
+        let pilot = pilot.filter(|_| options.goniogram.zoning() == ZoneLayout::Auto).unwrap_or(cloud);
+        let sketch = flux::project(pilot, &hull, &options.flux, limits, flux_stage.part(0.0, 0.3), |_, _, _| ())?;
+        let rays = cloud.ray_count() as f64 / pilot.ray_count().max(1) as f64;
+        let plan = goniogram::plan(cloud, &hull, &sketch.of_more_rays(rays), &options.goniogram, limits)?;
+        let add = |ray: &Ray, landing: &Landing, deposit: &Deposit| plan.add(&hull, ray, landing, deposit);
+        let surface = flux::project(cloud, &hull, &options.flux, limits, flux_stage.part(0.3, 1.0), add)?;
+        let goniograms = plan.measure(cloud, &hull, &surface, &options.goniogram, watch(Stage::Goniogram)?)?;
         let source = cloud.source;
         let stages = [&source.findings, &source.notices, &hull.notices, &surface.notices, &goniograms.notices];
         let notices = stages.into_iter().flat_map(|notices| notices.to_vec()).collect();
