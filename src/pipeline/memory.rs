@@ -15,6 +15,9 @@ const MIB: f64 = (1 << 20) as f64;
 /// Program, readers and small things; and the chunks of rays of each thread.
 const PROCESS: f64 = 8.0 * MIB;
 const THREAD: f64 = 3.5 * MIB;
+/// A ray of the sample by which surfaces are compared, and the model of one that was compared; and most rays of the sample.
+const SAMPLED_RAY: f64 = 400.0;
+const MOST_SAMPLED: f64 = 70_000.0;
 /// A cell of the lattice: its count, its slot, whether it is solid, and the coarser lattices.
 const LATTICE_CELL: f64 = 12.0;
 /// A vertex while the hull is made; and for each thread, what it saw of the light there.
@@ -77,7 +80,7 @@ pub fn estimate(files: &[(&Claims, &Declared)], options: &Options, threads: usiz
         + spectrum.of_vertices(vertices, options.artifacts.spectra.unwrap_or_default())
         + directions(rays, &spectrum, options);
     MemoryNeed {
-        bytes: (PROCESS + THREAD * threads + f64::max(hull, rest)) as u64,
+        bytes: (PROCESS + THREAD * threads + SAMPLED_RAY * rays.min(MOST_SAMPLED) + f64::max(hull, rest)) as u64,
         thread_bytes: (THREAD + vertices * HULL_VERTEX_THREAD).ceil() as u64,
     }
 }

@@ -16,7 +16,7 @@ use std::path::Path;
 
 /// The order of the computation: each part may name itself and the parts before it, nothing after it. `lib` is its front door; a
 /// re-exported name counts as the part it comes from.
-const PIPELINE: [&str; 17] = [
+const PIPELINE: [&str; 18] = [
     "error",
     "vocabulary",
     "options",
@@ -32,6 +32,7 @@ const PIPELINE: [&str; 17] = [
     "flux",
     "goniogram",
     "model",
+    "candidates",
     "artifacts",
     "memory",
 ];

@@ -83,7 +83,7 @@ fn check_books(source: &KnownSource, model: &Model) {
 /// The distribution of the whole source over the angular grid is the closed form's, within counting statistics.
 #[test]
 fn far_field_of_every_known_source_is_the_closed_form() {
-    for source in all() {
+    for source in all().into_iter().filter(KnownSource::shows_itself) {
         let model = outcome(&source, RAYS, &unsmoothed()).model;
         check_books(&source, &model);
         let (grid, frame) = (&model.goniograms.grid, model.goniograms.frame);

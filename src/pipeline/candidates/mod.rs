@@ -40,6 +40,8 @@ const ANYWHERE: f64 = 1e-3;
 const LEAST_COSINE: f64 = 0.01;
 /// A cloud is flat whose extent along the main direction is at most this part of its size.
 const FLAT: f64 = 1e-4;
+/// Candidates have at most so many cells along their longest edge: their rays fill no more.
+const MOST_CELLS: u32 = 64;
 /// Of fewer rays no part is held out.
 const FEWEST_RAYS: usize = 1000;
 
@@ -78,13 +80,15 @@ pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageW
         compared_rays: sample.held_out.len() as u64,
         ..Study::default()
     };
+    let mut options = options.clone();
+    options.hull.resolution = options.hull.resolution.map(|cells| cells.min(MOST_CELLS));
     let mut best: Option<(Model, Vec<f64>)> = None;
     while let Some(patch) = open.pop_front() {
         let cloud = Cloud::sampled(source, &sample.training, patch).plain();
         let tried = study.candidates.len() as f64;
         let part = watch.part(1.0 - 0.8_f64.powf(tried + 1.0), 1.0 - 0.8_f64.powf(tried + 2.0)).part(0.0, 0.9);
         part.step(0.0)?;
-        let model = match Model::build(&cloud, None, options, limits, |_| Ok(part.part(0.0, 0.0))) {
+        let model = match Model::build(&cloud, None, &options, limits, |_| Ok(part.part(0.0, 0.0))) {
             // What is too much for the options is so for all rays too, and said there.
             Err(Error::Refused(_)) if patch.is_none() && study.candidates.is_empty() => {
                 return Ok(Chosen { patch: None, study: None, sample });

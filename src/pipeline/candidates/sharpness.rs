@@ -371,3 +371,56 @@ fn solid_angles_sr() -> Vec<f64> {
     let edge = |k: usize| (k as f64 * PI / polar as f64).cos();
     (0..polar * round).map(|k| (edge(k / round) - edge(k / round + 1)) * TAU / round as f64).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::known_sources::uniform;
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::SeedableRng;
+
+    /// Lambertian light of points of `surface` within a square of 1 mm, its origins slid `slide_mm` ahead.
+    fn rays(surface: &FocalSurface, slide_mm: f64) -> Vec<Ray> {
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        let mut ray = |index: u64| {
+            let [x, y, u, turn] = [0; 4].map(|_| uniform(&mut random));
+            let direction = DVec3::new(u.sqrt() * (TAU * turn).cos(), u.sqrt() * (TAU * turn).sin(), (1.0 - u).sqrt());
+            let aim_mm = surface.apex_mm + surface.axes * DVec3::new(x - 0.5, y - 0.5, 0.0);
+            let origin_mm = aim_mm + slide_mm / direction.z * (surface.axes * direction);
+            let direction = surface.axes * direction;
+            Ray { index, origin_mm, direction, radiant_w: 1.0, luminous_lm: 0.0, column: 0, xz_lm: [0.0; 2] }
+        };
+        (0..20_000).map(&mut ray).collect()
+    }
+
+    /// The edge of a square of 1 mm is sharp within some hundredths of a millimetre where it lies, and nowhere else.
+    #[test]
+    fn the_plane_of_a_square_is_found_from_rays_that_start_elsewhere() {
+        for axis in [DVec3::Z, DVec3::NEG_Y, DVec3::new(0.6, 0.0, 0.8)] {
+            let truth = FocalSurface::new(DVec3::new(3.0, -1.0, 2.0), axis, 0.0);
+            let search = Search::new(&rays(&truth, 1.0)).unwrap();
+            let [plane, _] = search.sharpest();
+            let found = plane.unwrap().surface;
+            assert!(found.axes.z_axis.dot(axis) > 0.9998, "{found:?}");
+            let off_mm = (found.apex_mm - truth.apex_mm).dot(axis);
+            assert!(off_mm.abs() < 0.03, "{off_mm} mm off");
+        }
+    }
+
+    #[test]
+    fn light_without_direction_and_few_rays_have_no_focal_surface() {
+        let truth = FocalSurface::new(DVec3::ZERO, DVec3::Z, 0.0);
+        let mut all = rays(&truth, 1.0);
+        assert!(Search::new(&all[..FEWEST_RAYS - 1]).is_none());
+        all.iter_mut().step_by(2).for_each(|ray| ray.direction = -ray.direction);
+        assert!(Search::new(&all).is_none());
+    }
+
+    #[test]
+    fn quantiles_leave_their_part_aside() {
+        let values: Vec<(f64, f64)> = (0..100).map(|k| (f64::from(k * 37 % 100), 2.0)).collect();
+        assert_eq!(quantiles(values.clone(), 0.0), [0.0, 99.0]);
+        assert_eq!(quantiles(values.clone(), 0.05), [4.0, 95.0]);
+        assert_eq!(quantiles(Vec::new(), 0.05), [0.0, 0.0]);
+    }
+}

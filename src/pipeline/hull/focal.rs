@@ -367,3 +367,124 @@ fn joined(mut first: Hull, second: &Hull) -> Hull {
     first.notices.merge(&second.notices);
     first
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    /// Numbers in 0..1 without a generator: multiples of irrational numbers.
+    fn scatter(k: usize) -> [f64; 4] {
+        [2f64.sqrt(), 3f64.sqrt(), 5f64.sqrt(), 7f64.sqrt()].map(|root| (k as f64 * root).fract())
+    }
+
+    fn ray(origin_mm: DVec3, direction: DVec3) -> Ray {
+        let direction = direction.normalize();
+        Ray { index: 0, origin_mm, direction, radiant_w: 1.0, luminous_lm: 3.0, column: 0, xz_lm: [1.0, 2.0] }
+    }
+
+    fn axis() -> DVec3 {
+        DVec3::new(0.3, -0.4, 0.8).normalize()
+    }
+
+    /// A ray that starts anywhere on its line comes to the point of the surface that it was aimed through.
+    #[test]
+    fn rays_come_to_the_point_they_go_through() {
+        let apex_mm = DVec3::new(1.0, 2.0, -0.5);
+        for curvature in [0.0, 0.5, -0.8] {
+            let surface = FocalSurface::new(apex_mm, axis(), curvature);
+            for k in 1..1000 {
+                let [x, y, z, w] = scatter(k);
+                let at_mm = DVec2::new(x - 0.5, y - 0.5);
+                let point_mm = surface.point_mm(at_mm);
+                let normal = match curvature {
+                    0.0 => axis(),
+                    _ => (apex_mm + axis() / curvature - point_mm) * curvature,
+                };
+                // Any direction on the side of the normal.
+                let direction = (normal + 0.9 * DVec3::new(z - 0.5, w - 0.5, (7.0 * z).fract() - 0.5)).normalize();
+                let crossing = surface.meet(point_mm + (10.0 * w - 5.0) * direction, direction).unwrap();
+                assert!(crossing.at_mm.distance(at_mm) < 1e-9, "{curvature}: {crossing:?} for {at_mm}");
+                assert!((crossing.cosine - normal.dot(direction)).abs() < 1e-9);
+            }
+        }
+    }
+
+    /// Equal areas of the coordinates are equal areas of the sphere: a cap of height h has 2π R h, which is π r² of its rim.
+    #[test]
+    fn coordinates_of_a_sphere_are_of_equal_area() {
+        let surface = FocalSurface::new(DVec3::ZERO, DVec3::Z, -0.5);
+        for radius_mm in [0.1, 1.0, 2.0, 3.0] {
+            let height_mm = -surface.point_mm(DVec2::new(radius_mm, 0.0)).z;
+            assert!((TAU * 2.0 * height_mm / (0.5 * TAU * radius_mm * radius_mm) - 1.0).abs() < 1e-12);
+        }
+    }
+
+    fn patch(curvature: f64, symmetry: Symmetry) -> FocalPatch {
+        let surface = FocalSurface::new(DVec3::new(1.0, 2.0, -0.5), axis(), curvature);
+        let (min_mm, max_mm) = (DVec2::splat(-0.6), DVec2::splat(0.6));
+        FocalPatch { surface, min_mm, max_mm, lit_mm2: 1.44, symmetry: Symmetry::None }.with(symmetry)
+    }
+
+    /// Barycentric coordinates in the triangle of the grid give the crossing, but for the flatness of the triangle.
+    #[test]
+    fn a_ray_lands_in_the_triangle_below_it() {
+        for curvature in [0.0, -0.8] {
+            let patch = patch(curvature, Symmetry::None);
+            let cells = [20, 30];
+            let first_triangle = vec![u32::MAX; 600];
+            let mut grid = FocalGrid { patch, cells, first_triangle, triangle_count: 0, loose_cell_mm: DVec3::ZERO };
+            let (vertices_mm, triangles) = grid.mesh(&vec![true; 600]);
+            assert_eq!(triangles.len(), 1200);
+            for k in 1..1000 {
+                let [x, y, z, w] = scatter(k);
+                let point_mm = patch.surface.point_mm(DVec2::new(1.2 * x - 0.6, 1.2 * y - 0.6));
+                let direction = axis() + DVec3::new(z - 0.5, w - 0.5, 0.0);
+                let ray = ray(point_mm - direction, direction);
+                let (triangle, shares) = grid.land(&ray).unwrap();
+                assert!(shares.iter().all(|share| *share >= 0.0) && (shares.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+                let corners = triangles[triangle].map(|vertex| vertices_mm[vertex as usize]);
+                let landed_mm: DVec3 = corners.iter().zip(shares).map(|(corner, share)| *corner * share).sum();
+                let sagitta_mm = curvature.abs() * 0.06 * 0.06;
+                assert!(landed_mm.distance(point_mm) <= sagitta_mm + 1e-9, "{landed_mm} for {point_mm}");
+                let [a, b, c] = corners;
+                assert!((b - a).cross(c - a).dot(axis()) > 0.0, "triangles look where the light goes");
+            }
+        }
+    }
+
+    #[test]
+    fn images_share_the_flux_and_mirror_each_other() {
+        for symmetry in [Symmetry::TwoMirrors, Symmetry::FourMirrors] {
+            let patch = patch(-0.8, symmetry);
+            let one = ray(patch.surface.point_mm(DVec2::new(0.3, 0.1)), axis() + DVec3::new(0.1, 0.0, 0.0));
+            let images = patch.images(&[one]);
+            assert_eq!((images.len(), images[0].origin_mm), (symmetry.images(), one.origin_mm));
+            assert_eq!(images.iter().map(|image| image.radiant_w).sum::<f64>(), 1.0);
+            assert_eq!(images.iter().map(|image| image.luminous_lm).sum::<f64>(), 3.0);
+            let mut at: Vec<[f64; 2]> = images
+                .iter()
+                .map(|image| patch.meet(image).unwrap().at_mm.to_array().map(|at| (at * 1e6).round() / 1e6))
+                .collect();
+            assert!(at.iter().all(|[x, y]| [x.abs(), y.abs()] == [0.3, 0.1] || [x.abs(), y.abs()] == [0.1, 0.3]));
+            at.sort_by(|a, b| a.partial_cmp(b).unwrap());
+            at.dedup();
+            assert_eq!(at.len(), symmetry.images(), "{at:?}");
+            let slants: Vec<f64> = images.iter().map(|image| image.direction.dot(axis())).collect();
+            assert!(slants.iter().all(|slant| (slant - slants[0]).abs() < 1e-12));
+        }
+    }
+
+    #[test]
+    fn marks_spread_to_all_images() {
+        let mut marked = vec![false; 16];
+        marked[1] = true;
+        let spread = |symmetry: Symmetry| {
+            let spread = symmetry.spread([4, 4], marked.clone());
+            (0..16).filter(|cell| spread[*cell]).collect::<Vec<_>>()
+        };
+        assert_eq!(spread(Symmetry::None), [1]);
+        assert_eq!(spread(Symmetry::TwoMirrors), [1, 2, 13, 14]);
+        assert_eq!(spread(Symmetry::FourMirrors), [1, 2, 4, 7, 8, 11, 13, 14]);
+    }
+}

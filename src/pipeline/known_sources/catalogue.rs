@@ -3,6 +3,7 @@
 use super::glow::EmissionSpectrum;
 use super::shape::Shape;
 use super::{KnownSource, Part};
+use crate::vocabulary::space::Bounds;
 use glam::DVec3;
 use std::f64::consts::FRAC_1_SQRT_2;
 
@@ -28,7 +29,7 @@ const PHOSPHOR: &[(f64, f64)] = &[
 
 /// All known sources, looking along +Z.
 pub fn all() -> Vec<KnownSource> {
-    [flat_chip(), four_chips(), dome(), cylinder(), tilted_strip(), phosphor_ring(), two_lobes()]
+    [flat_chip(), four_chips(), dome(), cylinder(), tilted_strip(), phosphor_ring(), two_lobes(), boxed_chip()]
         .into_iter()
         .flatten()
         .collect()
@@ -110,4 +111,14 @@ fn two_lobes() -> Option<KnownSource> {
     let told = "A chip of 1 x 1 mm in z = 0 with a lobe of 1 W towards +X+Z and one of 0.5 W towards +Y+Z, each 21 degrees wide: \
                 tells which way round a file is.";
     Some(KnownSource::new("two-lobes", told, parts))
+}
+
+fn boxed_chip() -> Option<KnownSource> {
+    let shape =
+        Shape::Rectangle { center: DVec3::new(-0.6, 0.8, -0.4), half_u: 0.5 * DVec3::X, half_v: 0.5 * DVec3::Y };
+    let told = "A green Lambertian chip of 1 x 1 mm at (-0.6, 0.8, -0.4) mm whose rays start where they leave the box of the package, \
+                6 x 6 mm, from z = -0.5 to 0.02 mm, 1 W: the file does not show where the light is.";
+    let source = KnownSource::new("boxed-chip", told, vec![part(shape, 1.0, GREEN)?]);
+    let start = Bounds { min: DVec3::new(-3.0, -3.0, -0.5), max: DVec3::new(3.0, 3.0, 0.02) };
+    Some(KnownSource { start: Some(start), ..source })
 }

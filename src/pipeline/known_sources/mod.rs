@@ -53,13 +53,15 @@ pub struct KnownSource {
     pub description: &'static str,
     /// Its parts, in their own frame: looking along +Z.
     parts: Vec<Part>,
+    /// The box round the parts on which its rays start, in the parts' frame, as measured rays often do; `None`: on the parts.
+    start: Option<Bounds>,
     /// Takes the parts' frame to the source frame: a signed permutation of the axes.
     turn: DMat3,
 }
 
 impl KnownSource {
     fn new(name: &'static str, description: &'static str, parts: Vec<Part>) -> KnownSource {
-        KnownSource { name, description, parts, turn: DMat3::IDENTITY }
+        KnownSource { name, description, parts, start: None, turn: DMat3::IDENTITY }
     }
 
     /// The same source with its +Z turned to `axis`: a proper rotation that permutes the axes, +X going where
@@ -68,6 +70,11 @@ impl KnownSource {
         let frame = Frame::looking(axis);
         self.turn = DMat3::from_cols(frame.x(), axis.vector().cross(frame.x()), axis.vector());
         self
+    }
+
+    /// Rays start where the light does, not on a box round it.
+    pub fn shows_itself(&self) -> bool {
+        self.start.is_none()
     }
 
     /// Its parts, in their own frame; [`KnownSource::source_from_parts`] takes them to the source frame.
@@ -113,7 +120,8 @@ impl KnownSource {
     /// Box of all origins, mm.
     pub fn bounds_mm(&self) -> Bounds {
         let mut bounds = Bounds::EMPTY;
-        for own in self.parts.iter().map(|part| part.shape.bounds_mm()) {
+        let parts = self.parts.iter().map(|part| part.shape.bounds_mm());
+        for own in parts.filter(|_| self.start.is_none()).chain(self.start) {
             bounds.grow(self.turn * own.min);
             bounds.grow(self.turn * own.max);
         }
@@ -176,6 +184,7 @@ impl KnownSource {
         });
         let Some((table, part)) = chosen else { return RawRay::default() };
         let (origin, direction) = part.shape.draw([a, b, c, d, e]);
+        let origin = self.start.map_or(origin, |bounds_mm| leaving(bounds_mm, origin, direction));
         let wavelength_nm = part.glow.draw_nm(color);
         RawRay {
             origin_mm: (self.turn * origin).to_array(),
@@ -186,6 +195,13 @@ impl KnownSource {
             ..RawRay::default()
         }
     }
+}
+
+/// Where a ray from within leaves a box.
+fn leaving(bounds_mm: Bounds, origin_mm: DVec3, direction: DVec3) -> DVec3 {
+    let wall_mm = DVec3::select(direction.cmpgt(DVec3::ZERO), bounds_mm.max, bounds_mm.min);
+    let distance_mm = ((wall_mm - origin_mm) / direction).to_array().into_iter().filter(|mm| mm.is_finite());
+    origin_mm + distance_mm.fold(f64::INFINITY, f64::min) * direction
 }
 
 /// Uniform in (0, 1): the middles of 2^53 cells.

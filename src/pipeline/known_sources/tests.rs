@@ -94,7 +94,7 @@ fn radiance_seen_from_afar_is_intensity() {
 /// Each ray lies on a line of positive radiance, starts within the box, and has the exitance of its place.
 #[test]
 fn every_ray_is_possible() {
-    for source in turned() {
+    for source in turned().into_iter().filter(KnownSource::shows_itself) {
         let bounds = source.bounds_mm();
         for ray in drawn(&source).into_iter().step_by(16) {
             let (origin, direction) = (DVec3::from_array(ray.origin_mm), DVec3::from_array(ray.direction));
@@ -110,7 +110,7 @@ fn every_ray_is_possible() {
 /// Origins against the exitance: shares of the half boxes; by symmetry or by the closed form of the region.
 #[test]
 fn rays_start_where_the_exitance_says() {
-    for source in turned() {
+    for source in turned().into_iter().filter(KnownSource::shows_itself) {
         let whole = source.bounds_mm();
         for axis in 0..3 {
             let mut region = whole;

@@ -1,0 +1,138 @@
+//! On which surface the light is put, what is said of it, and rays drawn from the model.
+
+use glam::DVec3;
+use pipeline::goniogram::SphereGrid;
+use pipeline::known_sources::{KnownSource, by_name, write_tm25};
+use pipeline::model::evaluation::{Evaluator, Quantity};
+use pipeline::model::sampling::Sampler;
+use pipeline::model::study::View;
+use pipeline::{Declared, Emission, Error, Input, Limits, NoProgress, Options, Outcome, run};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
+use support::statistics::{ALARM_Z, cell_mean, chi_square_z};
+
+const RAYS: u64 = 200_000;
+
+fn built(source: &KnownSource, options: &Options) -> Result<Outcome, Error> {
+    let mut bytes = Vec::new();
+    write_tm25(source, RAYS, 7, &mut bytes).unwrap();
+    let input = Input {
+        name: source.name.into(),
+        sha256: "0".repeat(64),
+        bytes: Arc::new(bytes),
+        declared: Declared::default(),
+        notices: Vec::new(),
+    };
+    run(&[input], options, &Limits::default(), &NoProgress)
+}
+
+fn with(emission: Emission) -> Options {
+    let mut options = Options::default();
+    options.hull.emission = Some(emission);
+    options
+}
+
+/// Irradiance over the middle of a Lambertian square of 1 mm that sends 1 W: Howell, A Catalog of Radiation Heat Transfer Configuration
+/// Factors, B-3, four times.
+fn above_the_chip_w_per_mm2(height_mm: f64) -> f64 {
+    let a = 0.5 / height_mm;
+    4.0 / PI * (a / a.hypot(1.0)) * (a / a.hypot(1.0)).atan()
+}
+
+/// The file shows a box; the chip is found within, and the light above it is right, which it is not on the box.
+#[test]
+fn a_chip_whose_rays_start_on_a_box_is_found_in_its_plane() {
+    let source = by_name("boxed-chip").unwrap();
+    let chip_mm = DVec3::new(-0.6, 0.8, -0.4);
+    let off = |outcome: &Outcome, height_mm: f64| {
+        let evaluator = Evaluator::new(&outcome.model, Quantity::Radiant).unwrap();
+        let found = evaluator.irradiance(chip_mm + height_mm * DVec3::Z, DVec3::NEG_Z);
+        found / above_the_chip_w_per_mm2(height_mm) - 1.0
+    };
+    let focal = built(&source, &Options::default()).unwrap();
+    let study = focal.model.study.as_ref().unwrap();
+    let chosen = study.surface().unwrap();
+    assert_eq!((chosen.surface(), study.candidates[0].surface()), ("plane", "origins"));
+    let apex_mm = chosen.patch.unwrap().surface.apex_mm;
+    assert!((apex_mm.z - chip_mm.z).abs() < 0.03, "{apex_mm}");
+    let balance = &focal.model.surface.balance;
+    assert!(balance.every_ray_once() && balance.error() < 1e-9, "{balance:?}");
+    assert_eq!(focal.model.hull.check(), []);
+    let boxed = built(&source, &with(Emission::Origins)).unwrap();
+    for height_mm in [0.6, 1.0, 3.0] {
+        let (focal, boxed) = (off(&focal, height_mm), off(&boxed, height_mm));
+        println!("{height_mm} mm above the chip: {focal:+.3}, on the box {boxed:+.3}");
+        assert!(focal.abs() < 0.03, "{height_mm} mm above: {focal:+.3}");
+    }
+    assert!(off(&boxed, 0.6).abs() > 0.1);
+    for figure in &study.figures {
+        println!("{}: {figure}", figure.view);
+        assert!(figure.model.powi(2) <= figure.rays.powi(2) + 2.0 * figure.noise.powi(2), "{}: {figure}", figure.view);
+    }
+    assert!(study.figures.iter().any(|figure| figure.view == View::FarField));
+}
+
+/// A dome is symmetric, so every ray stands for its images; each is still counted once.
+#[test]
+fn images_of_rays_are_counted_as_one_ray() {
+    let source = by_name("dome").unwrap();
+    let outcome = built(&source, &with(Emission::Focus)).unwrap();
+    let chosen = outcome.model.study.as_ref().unwrap().surface().unwrap();
+    assert!(chosen.patch.unwrap().symmetry.images() > 1, "{chosen}");
+    let balance = &outcome.model.surface.balance;
+    assert!(balance.every_ray_once() && balance.error() < 1e-9, "{balance:?}");
+    let zones: f64 = outcome.model.goniograms.zones.iter().map(|zone| zone.goniogram.flux.radiant_w.unwrap()).sum();
+    assert!((zones / source.radiant_w() - 1.0).abs() < 1e-6, "{zones}");
+}
+
+#[test]
+fn light_from_everywhere_has_no_focal_surface() {
+    let cylinder = by_name("cylinder").unwrap();
+    assert_eq!(built(&cylinder, &with(Emission::Focus)).unwrap_err().code(), "emission.no_focus");
+    let given = built(&cylinder, &Options::default()).unwrap();
+    assert_eq!(given.model.study.unwrap().surface().unwrap().surface(), "origins");
+}
+
+/// Directions of drawn rays fall into cells as often as the evaluated intensity says, and rays start where the flux is.
+#[test]
+fn drawn_rays_are_those_of_the_model() {
+    const DRAWN: usize = 400_000;
+    for name in ["phosphor-ring", "cylinder"] {
+        let outcome = built(&by_name(name).unwrap(), &Options::default()).unwrap();
+        let model = &outcome.model;
+        let evaluator = Evaluator::new(model, Quantity::Radiant).unwrap();
+        let sampler = Sampler::new(model, &evaluator);
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let grid = SphereGrid::new(18, 24);
+        let (mut counted, mut above) = (vec![0.0; grid.cell_count()], 0.0);
+        let middle_mm = model.hull.bounds_mm().center();
+        for _ in 0..DRAWN {
+            let (point_mm, direction) = sampler.draw(&mut random).unwrap();
+            let (c, gamma) = model.goniograms.frame.angles(direction);
+            counted[grid.cell(c, gamma)] += 1.0;
+            above += if point_mm.x > middle_mm.x { 1.0 } else { 0.0 };
+        }
+        let share = |c: f64, gamma: f64| evaluator.intensity(model.goniograms.frame.direction(c, gamma));
+        let (c_step, gamma_step) = (TAU / 24.0, PI / 18.0);
+        let cell = |((c, gamma), sr): ((f64, f64), f64)| {
+            let pole = gamma == 0.0 || gamma == PI;
+            sr * cell_mean(c, gamma, if pole { TAU } else { c_step }, gamma_step, share)
+        };
+        let flux: Vec<f64> = grid.cell_nodes().into_iter().zip(grid.cell_solid_angles_sr()).map(cell).collect();
+        let total: f64 = flux.iter().sum();
+        let expected: Vec<f64> = flux.iter().map(|flux| DRAWN as f64 * flux / total).collect();
+        let (z, cells) = chi_square_z(&counted, &expected);
+        println!("{name}: {cells} cells, z = {z:.2}");
+        assert!(z < ALARM_Z, "{name}: {cells} cells, z = {z:.2}");
+        // The half of the flux beyond the middle: triangles that lie across it share theirs, which is less than a hundredth.
+        let beyond = |triangle: usize| {
+            let [a, b, c] = model.hull.corners_mm(triangle);
+            let exitance = evaluator.exitance(triangle, [1.0 / 3.0; 3]);
+            model.hull.area_mm2(triangle) * exitance * if ((a + b + c) / 3.0).x > middle_mm.x { 1.0 } else { 0.0 }
+        };
+        let share = (0..model.hull.triangles.len()).map(beyond).sum::<f64>() / model.flux.radiant_w.unwrap();
+        assert!((above / DRAWN as f64 - share).abs() < 0.015, "{name}: {above} of {DRAWN}, {share}");
+    }
+}
