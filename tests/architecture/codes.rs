@@ -43,7 +43,7 @@ const CALM: &str = "ok";
 const CODED: [(&str, Kind); 3] = [("Flaw", Kind::Notice), ("Error", Kind::Job), ("Unusable", Kind::Failed)];
 
 /// What looks like a code and is none: the whole string, its beginning or its end (`*` is the rest), and what it is.
-const NOT_CODES: [(&str, &str); 22] = [
+const NOT_CODES: [(&str, &str); 23] = [
     ("*.glb", "a file"),
     ("*.json", "a file"),
     ("*.csv", "a file"),
@@ -53,6 +53,7 @@ const NOT_CODES: [(&str, &str); 22] = [
     ("service.db.new", "a file"),
     ("memory.max", "a file of the kernel's"),
     ("rays.band_edges_nm", "an option: the place of a fault"),
+    ("hull.emission", "an option"),
     ("hull.resolution", "an option"),
     ("hull.max_edge_mm", "an option"),
     ("goniogram.*", "an option"),

@@ -15,6 +15,8 @@ pub mod goniograms;
 pub mod ies;
 /// `spectra.csv`.
 pub mod spectra_csv;
+/// Choice of the surface and proof of the model, in the report.
+mod proof;
 /// `report.json`.
 pub mod report;
 /// `README.txt`.

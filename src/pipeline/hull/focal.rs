@@ -1,12 +1,7 @@
 //! Focal surfaces: a plane or a part of a sphere where the light is sharper than where the rays start. Rays are slid there along
 //! their lines, which changes no light outside. The surface is a regular grid, so a ray's cell is known without a search.
 
-use super::cloud::Cloud;
-use super::mesh::{Hull, Label};
-use crate::error::Error;
 use crate::source::Ray;
-use crate::vocabulary::notice::Notices;
-use crate::vocabulary::watch::StageWatch;
 use glam::{DMat3, DVec2, DVec3};
 
 /// Rays that meet the surface with a smaller cosine, 1°, are slid too far to be put anywhere with certainty.
@@ -15,10 +10,6 @@ const GRAZING: f64 = 0.02;
 const FARTHEST: f64 = 3.2;
 /// No corner of the grid lies farther out: beyond 4 there is no ball.
 const FARTHEST_CORNER: f64 = 3.9;
-/// Rays to a cell of the grid, and fewest and most cells along its longest side, unless asked otherwise.
-const RAYS_PER_CELL: f64 = 60.0;
-const FEWEST_CELLS: f64 = 16.0;
-const MOST_CELLS: f64 = 64.0;
 
 /// A plane or a sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,7 +107,7 @@ impl Symmetry {
     }
 
     /// Cells of a symmetric grid, `[y][x]`, where any image of a cell is marked.
-    fn spread(self, [columns, rows]: [usize; 2], mut marked: Vec<bool>) -> Vec<bool> {
+    pub fn spread(self, [columns, rows]: [usize; 2], mut marked: Vec<bool>) -> Vec<bool> {
         let mut join = |image: &dyn Fn(usize, usize) -> (usize, usize)| {
             marked = (0..columns * rows)
                 .map(|cell| {
@@ -216,9 +207,36 @@ pub struct FocalGrid {
 }
 
 impl FocalGrid {
+    /// A grid of `cells` over `patch`, and the mesh over the cells that are `lit`, `[y][x]`, or beside one.
+    pub fn new(patch: FocalPatch, cells: [usize; 2], lit: &[bool]) -> (FocalGrid, Vec<DVec3>, Vec<[u32; 3]>) {
+        let mut grid = FocalGrid {
+            patch,
+            cells,
+            first_triangle: vec![u32::MAX; cells[0] * cells[1]],
+            triangle_count: 0,
+            loose_cell_mm: DVec3::ZERO,
+        };
+        let (vertices_mm, triangles) = grid.mesh(lit);
+        (grid, vertices_mm, triangles)
+    }
+
+    /// Size of a cell along the axes across, mm.
+    pub fn size_mm(patch: &FocalPatch, cells: [usize; 2]) -> DVec2 {
+        let [x, y] = cells.map(|count| count as f64);
+        (patch.max_mm - patch.min_mm) / DVec2::new(x, y)
+    }
+
+    /// Cell of a point and where it lies in it, 0 to 1 each way.
+    pub fn place(patch: &FocalPatch, cells: [usize; 2], at_mm: DVec2) -> (usize, [f64; 2]) {
+        let at = (at_mm - patch.min_mm) / FocalGrid::size_mm(patch, cells);
+        let along = |at: f64, count: usize| (at.max(0.0) as usize).min(count - 1);
+        let (x, y) = (along(at.x, cells[0]), along(at.y, cells[1]));
+        (y * cells[0] + x, [(at.x - x as f64).clamp(0.0, 1.0), (at.y - y as f64).clamp(0.0, 1.0)])
+    }
+
     /// Triangle and barycentric coordinates of the point that a ray is slid to; `None` for a ray that does not fit.
     pub fn land(&self, ray: &Ray) -> Option<(usize, [f64; 3])> {
-        let (cell, [a, b]) = self.place(self.patch.meet(ray)?.at_mm);
+        let (cell, [a, b]) = FocalGrid::place(&self.patch, self.cells, self.patch.meet(ray)?.at_mm);
         let first = self.first_triangle[cell];
         let (second, shares) = match self.falls(cell) {
             true if a + b <= 1.0 => (0, [1.0 - a - b, a, b]),
@@ -227,19 +245,6 @@ impl FocalGrid {
             false => (1, [1.0 - b, a, b - a]),
         };
         (first != u32::MAX).then_some((first as usize + second, shares))
-    }
-
-    fn size_mm(&self) -> DVec2 {
-        let [x, y] = self.cells.map(|count| count as f64);
-        (self.patch.max_mm - self.patch.min_mm) / DVec2::new(x, y)
-    }
-
-    /// Cell of a point and where it lies in it, 0 to 1 each way.
-    fn place(&self, at_mm: DVec2) -> (usize, [f64; 2]) {
-        let at = (at_mm - self.patch.min_mm) / self.size_mm();
-        let along = |at: f64, count: usize| (at.max(0.0) as usize).min(count - 1);
-        let (x, y) = (along(at.x, self.cells[0]), along(at.y, self.cells[1]));
-        (y * self.cells[0] + x, [(at.x - x as f64).clamp(0.0, 1.0), (at.y - y as f64).clamp(0.0, 1.0)])
     }
 
     /// Whether the cell is cut from its upper left to its lower right corner: cells are cut towards the middle of the grid, so that the
@@ -256,7 +261,7 @@ impl FocalGrid {
             let near = |at: usize, count: usize| at.saturating_sub(1)..=(at + 1).min(count - 1);
             near(y, rows).any(|y| near(x, columns).any(|x| lit[y * columns + x]))
         };
-        let size_mm = self.size_mm();
+        let size_mm = FocalGrid::size_mm(&self.patch, self.cells);
         let (mut vertices_mm, mut triangles) = (Vec::new(), Vec::new());
         let mut number = vec![u32::MAX; (columns + 1) * (rows + 1)];
         for cell in 0..columns * rows {
@@ -280,92 +285,6 @@ impl FocalGrid {
         self.triangle_count = triangles.len();
         (vertices_mm, triangles)
     }
-}
-
-/// What the first pass finds: rays per cell, and the box of those that do not fit.
-struct Found {
-    rays: Vec<u32>,
-    loose: u64,
-}
-
-/// The hull of a cloud on a focal patch: the grid, and after it the hull that `wrap_loose` makes of the origins of the rays that do not fit,
-/// where there are any.
-pub fn hull(
-    cloud: &Cloud<'_>,
-    patch: FocalPatch,
-    resolution: Option<u32>,
-    watch: StageWatch<'_>,
-    wrap_loose: impl FnOnce(StageWatch<'_>) -> Result<Hull, Error>,
-) -> Result<Hull, Error> {
-    let extent_mm = patch.max_mm - patch.min_mm;
-    let cell_mm = (patch.lit_mm2 * RAYS_PER_CELL / cloud.ray_count().max(1) as f64).sqrt();
-    let by_rays = (extent_mm.max_element() / cell_mm).clamp(FEWEST_CELLS, MOST_CELLS);
-    let longest = resolution.map_or(by_rays, f64::from);
-    let along = |mm: f64| (longest * mm / extent_mm.max_element()).ceil().clamp(1.0, longest.ceil()) as usize;
-    let cells = [along(extent_mm.x), along(extent_mm.y)];
-    let mut grid = FocalGrid {
-        patch,
-        cells,
-        first_triangle: vec![u32::MAX; cells[0] * cells[1]],
-        triangle_count: 0,
-        loose_cell_mm: DVec3::ZERO,
-    };
-    let count = |rays: &[Ray]| {
-        let mut found = Found { rays: vec![0; cells[0] * cells[1]], loose: 0 };
-        for ray in rays {
-            match patch.meet(ray) {
-                Some(crossing) => found.rays[grid.place(crossing.at_mm).0] += 1,
-                None => found.loose += 1,
-            }
-        }
-        Ok(found)
-    };
-    let start = Found { rays: vec![0; cells[0] * cells[1]], loose: 0 };
-    let found = cloud.without_images().fold(watch.part(0.0, 0.4), start, count, |all, part| {
-        all.rays.iter_mut().zip(part.rays).for_each(|(sum, rays)| *sum = sum.saturating_add(rays));
-        all.loose += part.loose;
-    })?;
-    let lit = patch.symmetry.spread(cells, found.rays.iter().map(|rays| *rays > 0).collect());
-    let (vertices_mm, triangles) = grid.mesh(&lit);
-    let cell_mm = grid.size_mm();
-    let sheet = Hull {
-        labels: vec![Label::Projected; triangles.len()],
-        part_of_vertex: vec![0; vertices_mm.len()],
-        face_of_vertex: vec![0; vertices_mm.len()],
-        place_of_vertex: (0..vertices_mm.len() as u32).collect(),
-        vertices_mm,
-        triangles,
-        cell_mm: (patch.surface.axes * cell_mm.extend(0.0)).abs(),
-        resolution: cells[0].max(cells[1]) as u32,
-        max_edge_mm: cell_mm.length(),
-        focal: None,
-        notices: Notices::default(),
-    };
-    if found.loose == 0 {
-        watch.step(1.0)?;
-        return Ok(Hull { focal: Some(grid), ..sheet });
-    }
-    let loose = wrap_loose(watch.part(0.4, 1.0))?;
-    grid.loose_cell_mm = loose.cell_mm;
-    let mut hull = if sheet.triangles.is_empty() { loose } else { joined(sheet, &loose) };
-    hull.focal = Some(grid);
-    Ok(hull)
-}
-
-/// Two surfaces as one that does not hang together.
-fn joined(mut first: Hull, second: &Hull) -> Hull {
-    let after = |numbers: &[u32]| numbers.iter().max().map_or(0, |last| last + 1);
-    let vertices = first.vertices_mm.len() as u32;
-    let [parts, faces, places] =
-        [&first.part_of_vertex, &first.face_of_vertex, &first.place_of_vertex].map(|numbers| after(numbers));
-    first.vertices_mm.extend(&second.vertices_mm);
-    first.triangles.extend(second.triangles.iter().map(|corners| corners.map(|corner| vertices + corner)));
-    first.labels.extend(&second.labels);
-    first.part_of_vertex.extend(second.part_of_vertex.iter().map(|part| parts + part));
-    first.face_of_vertex.extend(second.face_of_vertex.iter().map(|face| faces + face));
-    first.place_of_vertex.extend(second.place_of_vertex.iter().map(|place| places + place));
-    first.notices.merge(&second.notices);
-    first
 }
 
 #[cfg(test)]
@@ -431,10 +350,7 @@ mod tests {
     fn a_ray_lands_in_the_triangle_below_it() {
         for curvature in [0.0, -0.8] {
             let patch = patch(curvature, Symmetry::None);
-            let cells = [20, 30];
-            let first_triangle = vec![u32::MAX; 600];
-            let mut grid = FocalGrid { patch, cells, first_triangle, triangle_count: 0, loose_cell_mm: DVec3::ZERO };
-            let (vertices_mm, triangles) = grid.mesh(&vec![true; 600]);
+            let (grid, vertices_mm, triangles) = FocalGrid::new(patch, [20, 30], &[true; 600]);
             assert_eq!(triangles.len(), 1200);
             for k in 1..1000 {
                 let [x, y, z, w] = scatter(k);

@@ -7,6 +7,8 @@
 pub mod cloud;
 /// Planes and spheres where the light is sharper than where the rays start.
 pub mod focal;
+/// The hull on a focal surface.
+mod sheet;
 /// The regular lattice the six views share.
 mod lattice;
 /// Pass 1: how many emission points lie in each cell; which resolution they carry; strays.
@@ -70,7 +72,7 @@ pub fn wrap(cloud: &Cloud<'_>, options: &HullOptions, limits: &Limits, watch: St
         return Ok(creases::cut(wrap_points(&pass, cloud.bounds_mm(), options, limits, watch)?));
     };
     options.validate()?;
-    focal::hull(cloud, patch, options.resolution, watch, |watch| {
+    sheet::wrap(cloud, patch, options.resolution, watch, |watch| {
         let loose =
             |rays: &[Ray]| -> Vec<Ray> { rays.iter().filter(|ray| patch.meet(ray).is_none()).copied().collect() };
         let pass = |watch: StageWatch<'_>, visit: &(dyn Fn(&[Ray]) + Sync)| {
