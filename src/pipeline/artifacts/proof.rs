@@ -75,7 +75,7 @@ impl CandidateFacts {
     }
 }
 
-/// A model of the chosen surface, made of the training rays alone, compared with all other rays. The errors are root mean squares,
+/// A model of the chosen surface, made of the training rays alone, compared with up to a million others. The errors are root mean squares,
 /// relative to the root mean square of what is compared; the noise of the judging rays and of those drawn from the model is
 /// taken out. The model of the artifacts is made of all rays, and better.
 #[derive(Serialize, JsonSchema)]

@@ -11,6 +11,8 @@ use crate::vocabulary::watch::StageWatch;
 const RAYS: f64 = 65_536.0;
 /// No sample is longer: 18 standard deviations more.
 const MOST_RAYS: usize = 70_000;
+/// Rays expected to judge the chosen model: of more, the noise would be below every error.
+const JUDGING_RAYS: f64 = 1_048_576.0;
 /// One ray in so many is held out.
 const HELD_OUT: u64 = 5;
 
@@ -22,6 +24,8 @@ pub struct Sample {
     pub held_out: Vec<Ray>,
     /// A ray is in the sample when the hash of its index is at most this.
     keep_up_to: u64,
+    /// And it may judge when that hash is at most this.
+    judge_up_to: u64,
 }
 
 impl Sample {
@@ -30,7 +34,8 @@ impl Sample {
     /// # Errors
     /// As [`Source::fold`].
     pub fn take(source: &Source, watch: StageWatch<'_>) -> Result<Sample, Error> {
-        let keep_up_to = (RAYS / source.survey.rays_used.max(1) as f64 * u64::MAX as f64) as u64;
+        let [keep_up_to, judge_up_to] =
+            [RAYS, JUDGING_RAYS].map(|rays| (rays / source.survey.rays_used.max(1) as f64 * u64::MAX as f64) as u64);
         let pick = |rays: &[Ray]| -> Result<Vec<(u64, Ray)>, Error> {
             Ok(rays.iter().map(|ray| (hash(ray.index), *ray)).filter(|(place, _)| *place <= keep_up_to).collect())
         };
@@ -54,13 +59,19 @@ impl Sample {
         }
         let rays = |picked: Vec<(u64, Ray)>| picked.into_iter().map(|(_, ray)| ray).collect();
         let no_spectrum = Spectral { columns: Columns::None, ..source.spectral.clone() };
-        Ok(Sample { training: Sampled { rays: rays(training), no_spectrum }, held_out: rays(held_out), keep_up_to })
+        Ok(Sample {
+            training: Sampled { rays: rays(training), no_spectrum },
+            held_out: rays(held_out),
+            keep_up_to,
+            judge_up_to,
+        })
     }
 
-    /// Which half of the rays that judge a ray of the source is in; `None` where models were made of it.
+    /// Which half of the rays that judge a ray of the source is in; `None` where models were made of it, and of rays too many.
     pub fn judging_half(&self, ray: &Ray) -> Option<usize> {
         let place = hash(ray.index);
-        (place > self.keep_up_to || is_held_out(place)).then(|| (hash(!place) >> 63) as usize)
+        let judges = place <= self.judge_up_to && (place > self.keep_up_to || is_held_out(place));
+        judges.then(|| (hash(!place) >> 63) as usize)
     }
 }
 

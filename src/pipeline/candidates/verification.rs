@@ -1,4 +1,4 @@
-//! How good a model is: made of a part of the rays, it is compared with all rays it was not made of, in the views that users have of a
+//! How good a model is: made of a part of the rays, it is compared with rays it was not made of, in the views that users have of a
 //! source. The rays that judge are two halves, and so are the rays drawn from the model: the product of their differences has no
 //! noise in the mean, so small errors show although every ray is random.
 
@@ -152,7 +152,7 @@ impl Counts {
     }
 }
 
-/// Judges `model`, which was made of the training rays of `sample`, by all other rays of `source`, and puts the figures into `study`.
+/// Judges `model`, which was made of the training rays of `sample`, by other rays of `source`, and puts the figures into `study`.
 ///
 /// # Errors
 /// As [`Source::fold`].
