@@ -61,7 +61,7 @@ pub struct HullOptions {
     /// Number of cells along the longest edge of the bounding box of the emission. Default: follows from the number of rays.
     #[schemars(range(min = *RESOLUTION.start(), max = *RESOLUTION.end()))]
     pub resolution: Option<u32>,
-    /// Longest edge of a stitched or filled triangle, mm: the size filter [мера фильтрации]. Default: follows from
+    /// Longest edge of a stitched or filled triangle of the surface round the origins, mm: the size filter [мера фильтрации]. Default: follows from
     /// the cell size.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub max_edge_mm: Option<f64>,

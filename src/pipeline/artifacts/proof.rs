@@ -20,8 +20,8 @@ pub struct EmissionFacts {
     candidates: Vec<CandidateFacts>,
     /// Rays of which the candidates were made.
     training_rays: u64,
-    /// Rays that judged them.
-    judging_rays: u64,
+    /// Rays by which they were compared.
+    compared_rays: u64,
 }
 
 /// A surface on which the light may be put.
@@ -54,7 +54,7 @@ impl EmissionFacts {
             chosen: study.chosen,
             candidates: study.candidates.iter().map(CandidateFacts::new).collect(),
             training_rays: study.training_rays,
-            judging_rays: study.compared_rays,
+            compared_rays: study.compared_rays,
         }
     }
 }
@@ -109,7 +109,7 @@ struct FigureFacts {
     /// Error of the training rays themselves.
     #[schemars(range(min = 0))]
     rays_error: f64,
-    /// Standard error of the errors: what is below cannot be told from nothing.
+    /// Error that a perfect model would seem to have by chance: what is below cannot be told from nothing.
     #[schemars(range(min = 0))]
     noise: f64,
     /// Normalised cross-correlation of the model and the truth: 1 where both have one form.

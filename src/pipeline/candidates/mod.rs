@@ -43,7 +43,7 @@ const FLAT: f64 = 1e-4;
 /// Candidates have at most so many cells along their longest edge: their rays fill no more.
 const MOST_CELLS: u32 = 64;
 /// Of fewer rays no part is held out.
-const FEWEST_RAYS: usize = 1000;
+const FEWEST_RAYS: usize = 2500;
 
 /// What was chosen.
 pub struct Chosen {
@@ -66,11 +66,14 @@ pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageW
     if emission != Emission::Focus {
         open.push_back(None);
     }
+    if emission == Emission::Focus && sample.training.rays.len() < FEWEST_RAYS {
+        return Err(no_focus("There are too few rays to find a surface on which they are sharp."));
+    }
     if emission != Emission::Origins {
         open.extend(focal_patches(&sample, source, emission == Emission::Auto));
     }
     if open.is_empty() {
-        return Err(no_focus());
+        return Err(no_focus("The rays have no surface on which they are sharper than anywhere else."));
     }
     if sample.training.rays.len() < FEWEST_RAYS || sample.held_out.is_empty() {
         return Ok(Chosen { patch: open[0], study: None, sample });
@@ -93,6 +96,8 @@ pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageW
             Err(Error::Refused(_)) if patch.is_none() && study.candidates.is_empty() => {
                 return Ok(Chosen { patch: None, study: None, sample });
             }
+            // A focal surface that does not go with the options is no choice.
+            Err(Error::Refused(_)) if emission == Emission::Auto => continue,
             model => model?,
         };
         let judged = log_radiances(&model, source, &sample.held_out);
@@ -118,13 +123,8 @@ pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageW
     Ok(Chosen { patch: study.candidates[study.chosen].patch, study: Some(study), sample })
 }
 
-fn no_focus() -> Error {
-    Error::unusable(
-        "emission.no_focus",
-        "hull.emission",
-        "The rays have no surface on which they are sharper than anywhere else.",
-        "Choose hull.emission = auto or origins.",
-    )
+fn no_focus(found: &str) -> Error {
+    Error::unusable("emission.no_focus", "hull.emission", found, "Choose hull.emission = auto or origins.")
 }
 
 /// The sharpest plane, and the sharpest sphere where it is sharper; none where they are no better than a flat source's own plane, if

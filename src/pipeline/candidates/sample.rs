@@ -9,7 +9,7 @@ use crate::vocabulary::watch::StageWatch;
 
 /// Rays expected in the sample of a large source; of up to so many, all are taken.
 const RAYS: f64 = 65_536.0;
-/// No sample is longer: 18 standard deviations more.
+/// No sample is longer: 17 standard deviations more.
 const MOST_RAYS: usize = 70_000;
 /// Rays expected to judge the chosen model: of more, the noise would be below every error.
 const JUDGING_RAYS: f64 = 1_048_576.0;

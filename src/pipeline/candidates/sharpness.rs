@@ -2,16 +2,17 @@
 //! place times a function of direction on it predicts half of the rays, when it is learnt from the other half.
 
 use crate::hull::focal::{FocalPatch, FocalSurface, Symmetry};
+use crate::inspection::focus;
 use crate::source::Ray;
-use crate::vocabulary::space::Axis;
+use crate::vocabulary::space::{Axis, Bounds};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
 /// Most rays that are looked at.
 const MOST_RAYS: usize = 20_000;
-/// Fewer tell nothing.
-const FEWEST_RAYS: usize = 1000;
+/// Fewer tell nothing: some must be left in each place.
+const FEWEST_RAYS: usize = 2 << (HALVINGS + 1);
 /// Without a mean direction of this length (a Lambertian surface has 2/3) light has no main direction to lie across.
 const DIRECTED: f64 = 0.25;
 /// A main direction within this cosine, 3°, of an axis of the frame is that axis.
@@ -26,19 +27,26 @@ const BINS: [usize; 2] = [24, 48];
 const LEAST_COSINE: f64 = 0.02;
 /// Rounds in which place and direction are fitted to each other on a curved surface.
 const ROUNDS: usize = 3;
-/// Sizes of a source in front of and behind its rays' origins where surfaces are looked for, depths and curvatures (in units of two
-/// over the size) that are tried first, and halvings of the steps after.
+/// Sizes of a source behind its rays' origins where surfaces are looked for, depths and curvatures (in units of two over the size) that
+/// are tried first; then places around the best, in steps that are halved so often where none is better, in at most so many rounds.
 const BEHIND: f64 = 1.0;
+/// Sizes within which a virtual focus is one of the depths.
+const FOCUS_WITHIN: f64 = 3.0;
 const PLANES: usize = 25;
 const DEPTHS: usize = 9;
 const CURVATURES: [f64; 8] = [-0.9, -0.6, -0.3, 0.2, 0.4, 0.7, 1.0, 1.4];
-const REFINEMENTS: usize = 6;
+const HALVED: usize = 8;
+const MOST_ROUNDS: usize = 40;
 /// Parts of the flux left aside on each side of a patch on a plane and on a sphere, ...
 const ASIDE: [f64; 2] = [2e-3, 1e-4];
-/// Cells along a side of the rectangle in which rays are counted to find how close they lie.
-const LIT_CELLS: usize = 64;
 /// ... unless the whole is at most so many times as long.
 const NEARLY_WHOLE: f64 = 1.3;
+/// Part of its width by which a patch is wider than what was seen of it: other rays lie a little beyond.
+const MARGIN: f64 = 0.01;
+/// A patch narrower than this part of the source's size is a point or a line, and no surface.
+const LEAST_WIDTH: f64 = 1e-5;
+/// Cells along a side of the rectangle in which rays are counted to find how close they lie.
+const LIT_CELLS: usize = 64;
 
 /// A surface, and how sharp the light is on it.
 #[derive(Clone, Copy, Debug)]
@@ -73,7 +81,8 @@ impl Search {
             let at = rays.iter().map(|ray| (ray.origin_mm.dot(along), weight(ray))).collect();
             quantiles(at, 1e-3)
         });
-        if range[2][1] - range[2][0] < 1e-9 * (range[0][1] - range[0][0]) {
+        let across_mm = (range[0][1] - range[0][0]).max(range[1][1] - range[1][0]);
+        if range[2][1] - range[2][0] < 1e-9 * across_mm {
             range[2] = [0.5 * (range[2][0] + range[2][1]); 2];
         }
         let size_mm = range.iter().map(|[low, high]| high - low).fold(0.0, f64::max);
@@ -93,13 +102,22 @@ impl Search {
             let behind = self.depth_mm() + BEHIND * self.size_mm;
             -behind * (1.0 - k as f64 / (count - 1) as f64)
         };
-        let planes: Vec<(f64, f64)> = (0..PLANES).map(|k| (0.0, depth_mm(k, PLANES))).collect();
+        let mut planes: Vec<(f64, f64)> = (0..PLANES).map(|k| (0.0, depth_mm(k, PLANES))).collect();
+        planes.extend(self.focus_depth_mm().map(|depth_mm| (0.0, depth_mm)));
         let spheres: Vec<(f64, f64)> = CURVATURES
             .iter()
             .flat_map(|curvature| (0..DEPTHS).map(move |k| (2.0 * curvature / self.size_mm, depth_mm(k, DEPTHS))))
             .collect();
         [(planes, 0.0), (spheres, 0.6 / self.size_mm)]
             .map(|(places, curvature_step)| self.refine(places, curvature_step))
+    }
+
+    /// Where the virtual focus lies along the axis, mm; `None` where there is none within reach.
+    fn focus_depth_mm(&self) -> Option<f64> {
+        let mut sums = focus::Sums::default();
+        self.rays.iter().for_each(|ray| sums.add(ray.origin_mm - self.center_mm, ray.direction, weight(ray)));
+        let depth_mm = DVec3::from_array(sums.solve(DVec3::ZERO)?.point_mm).dot(self.axis);
+        (depth_mm.abs() < FOCUS_WITHIN * self.size_mm).then_some(depth_mm)
     }
 
     /// How deep the origins lie behind those farthest ahead, mm.
@@ -117,7 +135,11 @@ impl Search {
         };
         let mut best = best_of(&places)?;
         let mut depth_step = self.size_mm / 8.0;
-        for _ in 0..REFINEMENTS {
+        let mut halved = 0;
+        for _ in 0..MOST_ROUNDS {
+            if halved == HALVED {
+                break;
+            }
             let (curvature, depth) = best.1;
             let around: Vec<(f64, f64)> = [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (1.0, -1.0), (-1.0, 1.0)]
                 .iter()
@@ -126,7 +148,10 @@ impl Search {
                 .collect();
             match best_of(&around).filter(|next| next.0 > best.0) {
                 Some(next) => best = next,
-                None => (depth_step, curvature_step) = (depth_step / 2.0, curvature_step / 2.0),
+                None => {
+                    (depth_step, curvature_step) = (depth_step / 2.0, curvature_step / 2.0);
+                    halved += 1;
+                }
             }
         }
         self.try_at(best.1.0, best.1.1)
@@ -134,7 +159,8 @@ impl Search {
 
     fn try_at(&self, curvature_per_mm: f64, depth_mm: f64) -> Option<Sharp> {
         let surface = FocalSurface::new(self.center_mm + depth_mm * self.axis, self.axis, curvature_per_mm);
-        let log_radiance = predicted(&surface, &self.rays)?;
+        let least_mm2 = (LEAST_WIDTH * self.size_mm).powi(2);
+        let log_radiance = predicted(&surface, &self.rays, least_mm2).filter(|log| log.is_finite())?;
         Some(Sharp { surface, log_radiance })
     }
 }
@@ -145,6 +171,7 @@ pub fn weight(ray: &Ray) -> f64 {
 }
 
 /// The rectangle of a surface that holds nearly all of the flux that meets it, and how much of it is lit.
+/// `None` where that is a point or a line.
 pub fn patch(surface: FocalSurface, rays: &[Ray]) -> Option<FocalPatch> {
     let met: Vec<(DVec2, f64)> = rays
         .iter()
@@ -160,18 +187,18 @@ pub fn patch(surface: FocalSurface, rays: &[Ray]) -> Option<FocalPatch> {
         if greatest - least < NEARLY_WHOLE * (high - low) { [least, greatest] } else { [low, high] }
     };
     let ([left, right], [lower, upper]) = (range(0), range(1));
-    let found = right > left && upper > lower;
-    // A hair more, so that the outermost rays are within.
-    let hair = DVec2::new(right - left, upper - lower) * 1e-6;
-    let (min_mm, max_mm) = (DVec2::new(left, lower) - hair, DVec2::new(right, upper) + hair);
+    let size_mm = Bounds::of(rays.iter().map(|ray| ray.origin_mm)).size().max_element();
+    let found = (right - left).min(upper - lower) > LEAST_WIDTH * size_mm;
+    let margin = DVec2::new(right - left, upper - lower) * MARGIN;
+    let (min_mm, max_mm) = (DVec2::new(left, lower) - margin, DVec2::new(right, upper) + margin);
     found.then(|| {
         let lit_mm2 = lit_mm2(&met, min_mm, max_mm);
         FocalPatch { surface, min_mm, max_mm, lit_mm2, symmetry: Symmetry::None }
     })
 }
 
-/// The area of a rectangle over which rays would lie as close as they lie around most of them: that of all pairs of rays, one in
-/// so many would share a cell of so large a rectangle that is evenly lit.
+/// The area of a rectangle over which its rays would lie as close as they lie around most of them: N²/Σ n(n−1) cells, the number of
+/// evenly lit cells in which as many pairs of rays would share one.
 fn lit_mm2(met: &[(DVec2, f64)], min_mm: DVec2, max_mm: DVec2) -> f64 {
     let mut counts = vec![0.0; LIT_CELLS * LIT_CELLS];
     for (at_mm, _) in met {
@@ -188,7 +215,7 @@ fn lit_mm2(met: &[(DVec2, f64)], min_mm: DVec2, max_mm: DVec2) -> f64 {
 }
 
 /// Values below and above which the part `aside` of the weights lies.
-fn quantiles(mut values: Vec<(f64, f64)>, aside: f64) -> [f64; 2] {
+pub fn quantiles(mut values: Vec<(f64, f64)>, aside: f64) -> [f64; 2] {
     values.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
     let total: f64 = values.iter().map(|(_, weight)| weight).sum();
     let mut reached = [0.0; 2];
@@ -218,7 +245,7 @@ struct Met {
 }
 
 /// Mean logarithm of the radiance predicted for every second ray, learnt from the others; `None` where too many rays miss the surface.
-fn predicted(surface: &FocalSurface, rays: &[Ray]) -> Option<f64> {
+fn predicted(surface: &FocalSurface, rays: &[Ray], least_mm2: f64) -> Option<f64> {
     let (mut halves, mut missed) = ([Vec::new(), Vec::new()], 0.0);
     for (k, ray) in rays.iter().enumerate() {
         match surface.meet(ray.origin_mm, ray.direction) {
@@ -239,7 +266,7 @@ fn predicted(surface: &FocalSurface, rays: &[Ray]) -> Option<f64> {
     }
     let flux: f64 = training.iter().map(|met| met.weight).sum();
     training.iter_mut().for_each(|met| met.weight /= flux);
-    let places = Places::of(&mut training);
+    let places = Places::of(&mut training, least_mm2);
     let solid_angles_sr = solid_angles_sr();
     let mut sent = vec![0.0; solid_angles_sr.len()];
     training.iter().for_each(|met| sent[met.bin] += met.weight);
@@ -296,19 +323,20 @@ struct Places {
 }
 
 impl Places {
-    fn of(rays: &mut [Met]) -> Places {
+    fn of(rays: &mut [Met], least_mm2: f64) -> Places {
         let count = 1 << HALVINGS;
         let mut places = Places { cuts: vec![(0, 0.0); count], areas_mm2: vec![0.0; count], flux: vec![0.0; count] };
         let (mut least, mut greatest) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         rays.iter().for_each(|met| (least, greatest) = (least.min(met.at_mm), greatest.max(met.at_mm)));
         places.halve(1, rays, least, greatest);
+        places.areas_mm2.iter_mut().for_each(|area| *area = area.max(least_mm2));
         places
     }
 
     fn halve(&mut self, node: usize, rays: &mut [Met], least: DVec2, greatest: DVec2) {
         if node >= self.cuts.len() {
             let place = node - self.cuts.len();
-            self.areas_mm2[place] = (greatest - least).element_product().max(f64::MIN_POSITIVE);
+            self.areas_mm2[place] = (greatest - least).element_product();
             self.flux[place] = rays.iter().map(|met| met.weight).sum();
             return;
         }

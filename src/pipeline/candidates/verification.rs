@@ -3,7 +3,7 @@
 //! noise in the mean, so small errors show although every ray is random.
 
 use super::sample::Sample;
-use super::sharpness::weight;
+use super::sharpness::{quantiles, weight};
 use crate::error::Error;
 use crate::hull::Cloud;
 use crate::model::Model;
@@ -12,6 +12,7 @@ use crate::model::sampling::Sampler;
 use crate::model::study::{Figure, Study, View};
 use crate::rays::direction_cube::DirectionCube;
 use crate::source::{Ray, Source};
+use crate::vocabulary::space::Bounds;
 use crate::vocabulary::watch::StageWatch;
 use glam::DVec3;
 use rand_chacha::ChaCha8Rng;
@@ -24,6 +25,8 @@ const PLANES: [f64; 4] = [0.1, 0.5, 2.0, 10.0];
 const SEEN_DEG: [f64; 3] = [0.0, 30.0, 60.0];
 /// Rays within this angle of a direction show how the source is seen from there, degrees.
 const CONE_DEG: f64 = 10.0;
+/// Part of the flux on each side of a source that has no part in its size.
+const STRAY: f64 = 0.01;
 /// Cells along each side of a plane and of an image.
 const SIDE: usize = 24;
 /// Rays drawn for each half.
@@ -67,10 +70,21 @@ impl Screen {
     }
 }
 
-/// All views of a model's source.
-fn screens(model: &Model, size_mm: f64) -> Vec<Screen> {
+/// The box of a model's light without a few stray rays.
+fn lit_bounds_mm(model: &Model) -> Bounds {
+    let flux = model.surface.vertices.primary();
+    let range = |axis: usize| {
+        let at = model.hull.vertices_mm.iter().zip(flux).map(|(vertex, flux)| (vertex[axis], *flux)).collect();
+        quantiles(at, STRAY)
+    };
+    let [x, y, z] = [0, 1, 2].map(range);
+    Bounds { min: DVec3::new(x[0], y[0], z[0]), max: DVec3::new(x[1], y[1], z[1]) }
+}
+
+/// All views of a model's source, whose light lies in `bounds_mm`.
+fn screens(model: &Model, bounds_mm: Bounds, size_mm: f64) -> Vec<Screen> {
     let frame = &model.goniograms.frame;
-    let (ahead, bounds_mm) = (frame.nadir.vector(), model.hull.bounds_mm());
+    let ahead = frame.nadir.vector();
     let middle_mm = bounds_mm.center();
     let front_mm = middle_mm + 0.5 * bounds_mm.size().dot(ahead.abs()) * ahead;
     let mut end = 0;
@@ -163,9 +177,10 @@ pub fn verify(
     study: &mut Study,
     watch: StageWatch<'_>,
 ) -> Result<(), Error> {
-    let size_mm = model.hull.bounds_mm().size().max_element();
+    let bounds_mm = lit_bounds_mm(model);
+    let size_mm = bounds_mm.size().max_element();
     let Some(evaluator) = Evaluator::of_primary(model).filter(|_| size_mm > 0.0) else { return Ok(()) };
-    let screens = screens(model, size_mm);
+    let screens = screens(model, bounds_mm, size_mm);
     let none = Counts::none(&screens);
     let judge = |rays: &[Ray]| {
         let mut halves = [none.clone(), none.clone()];

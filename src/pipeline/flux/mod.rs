@@ -120,7 +120,13 @@ fn typical_ray(flux: &Flux, [radiant, luminous]: [f64; 2]) -> Flux {
 
 /// Where everything went.
 fn account(cloud: &Cloud<'_>, fates: &Amounts, triangles: &Amounts, vertices: &Amounts) -> Balance {
-    let share = |fate: usize| Share { rays: fates.rays[fate].round() as u64, flux: fates.flux_of(fate) };
+    // Images of one ray may meet different fates: the parts of it that hit make up for those that do not.
+    let all: f64 = fates.rays.iter().sum();
+    let whole = |fate: usize| fates.rays[fate].round() as u64;
+    let rays = |fate: usize| {
+        if fate == HIT { (all.round() as u64).saturating_sub(whole(SNAPPED) + whole(REJECTED)) } else { whole(fate) }
+    };
+    let share = |fate: usize| Share { rays: rays(fate), flux: fates.flux_of(fate) };
     Balance {
         incoming: Share { rays: cloud.source.survey.rays_used, flux: cloud.flux() },
         hit: share(HIT),

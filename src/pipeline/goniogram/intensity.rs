@@ -137,7 +137,7 @@ impl Grids {
     /// sum to 1, and of `kinds`. `ray`: what a typical ray carries.
     pub fn estimates(&self, zones: &[Measured], normals: &[Vec<(DVec3, f64)>], kinds: &[u32], ray: &Flux) -> Estimates {
         let directions = Directions::new(&self.fine);
-        let projected_sr: Vec<Vec<f64>> = normals.iter().map(|normals| directions.projected_sr(normals)).collect();
+        let projected_sr = directions.projected_sr(normals);
         let counted: Vec<&[f64]> = zones.iter().map(|zone| zone.fine.primary()).collect();
         directions.zones(&counted, &projected_sr, kinds, ray.primary())
     }

@@ -22,8 +22,6 @@ pub struct Directions<'a> {
     /// The rings of cells of one γ.
     rings: Levels,
     solid_angles_sr: Vec<f64>,
-    /// Directions spread over each cell, in the photometric frame, and the solid angle that each stands for.
-    samples: Vec<Vec<(DVec3, f64)>>,
 }
 
 /// Directions along each side of a cell at which what is not linear in it is looked at.
@@ -76,14 +74,18 @@ impl<'a> Directions<'a> {
         let gammas: Vec<DVec3> = (0..=last).map(|k| DVec3::new(0.0, 0.0, k as f64 * dg)).collect();
         let steps: Vec<Edge> = (0..last as u32).map(|k| (k, k + 1, ((f64::from(k) + 0.5) * dg).sin())).collect();
         let rings = Levels::new(&gammas, &vec![0; last + 1], &steps, dg, false);
-        Directions { grid, levels, rings, solid_angles_sr: grid.cell_solid_angles_sr(), samples: samples(grid) }
+        Directions { grid, levels, rings, solid_angles_sr: grid.cell_solid_angles_sr() }
     }
 
-    /// Projected solid angles: ∫ max(0, n · ω) dω over each cell, for each of `normals` (in the photometric frame: γ = 0 at −z)
-    /// times its weight; the light of surfaces of radiance 1. sr.
-    pub fn projected_sr(&self, normals: &[(DVec3, f64)]) -> Vec<f64> {
-        let cosine = |direction: &DVec3| normals.iter().map(|(n, w)| w * n.dot(*direction).max(0.0)).sum::<f64>();
-        self.samples.par_iter().map(|cell| cell.iter().map(|(direction, sr)| sr * cosine(direction)).sum()).collect()
+    /// Projected solid angles: ∫ max(0, n · ω) dω over each cell, for the normals of each of `zones` (in the photometric frame: γ = 0 at
+    /// −z) times their weights; the light of surfaces of radiance 1. sr.
+    pub fn projected_sr(&self, zones: &[Vec<(DVec3, f64)>]) -> Vec<Vec<f64>> {
+        let samples = samples(self.grid);
+        let of_zone = |normals: &Vec<(DVec3, f64)>| {
+            let cosine = |direction: &DVec3| normals.iter().map(|(n, w)| w * n.dot(*direction).max(0.0)).sum::<f64>();
+            samples.iter().map(|cell| cell.iter().map(|(direction, sr)| sr * cosine(direction)).sum()).collect()
+        };
+        zones.par_iter().map(of_zone).collect()
     }
 
     /// `prior` with the distribution over γ that was counted, smoothed: what a source that is alike all round would send.
@@ -310,7 +312,7 @@ mod tests {
             let grid = SphereGrid::new(gamma, c);
             let directions = Directions::new(&grid);
             for normal in [DVec3::NEG_Z, DVec3::X, DVec3::new(0.3, -0.5, 0.7).normalize()] {
-                let sum: f64 = directions.projected_sr(&[(normal, 0.25), (normal, 0.75)]).iter().sum();
+                let sum: f64 = directions.projected_sr(&[vec![(normal, 0.25), (normal, 0.75)]])[0].iter().sum();
                 assert!((sum / PI - 1.0).abs() < 2e-3, "{gamma} x {c}: {sum}");
             }
         }

@@ -262,19 +262,21 @@ impl FocalGrid {
             near(y, rows).any(|y| near(x, columns).any(|x| lit[y * columns + x]))
         };
         let size_mm = FocalGrid::size_mm(&self.patch, self.cells);
+        let patch_corner = |x: usize, y: usize| self.patch.min_mm + DVec2::new(x as f64, y as f64) * size_mm;
         let (mut vertices_mm, mut triangles) = (Vec::new(), Vec::new());
         let mut number = vec![u32::MAX; (columns + 1) * (rows + 1)];
         for cell in 0..columns * rows {
             let (x, y) = (cell % columns, cell / columns);
-            if !beside(x, y) {
+            let far = patch_corner(x + usize::from(2 * x >= columns), y + usize::from(2 * y >= rows));
+            let beyond = far.length_squared() * self.patch.surface.curvature_per_mm.powi(2) > FARTHEST_CORNER;
+            if !beside(x, y) || (beyond && !lit[cell]) {
                 continue;
             }
             let mut corner = |x: usize, y: usize| {
                 let number = &mut number[y * (columns + 1) + x];
                 if *number == u32::MAX {
                     *number = vertices_mm.len() as u32;
-                    let at_mm = self.patch.min_mm + DVec2::new(x as f64, y as f64) * size_mm;
-                    vertices_mm.push(self.patch.surface.point_mm(at_mm));
+                    vertices_mm.push(self.patch.surface.point_mm(patch_corner(x, y)));
                 }
                 *number
             };

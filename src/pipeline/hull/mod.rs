@@ -85,7 +85,7 @@ pub fn wrap(cloud: &Cloud<'_>, options: &HullOptions, limits: &Limits, watch: St
         let bounds_of = |rays: &[Ray]| Ok(Bounds::of(loose(rays).iter().map(|ray| ray.origin_mm)));
         let bounds_mm =
             cloud.fold(watch.part(0.0, 0.2), Bounds::EMPTY, bounds_of, |all, part| *all = all.union(part))?;
-        let options = HullOptions { resolution: None, ..options.clone() };
+        let options = HullOptions { resolution: None, max_edge_mm: None, ..options.clone() };
         Ok(creases::cut(wrap_points(&pass, bounds_mm, &options, limits, watch.part(0.2, 1.0))?))
     })
 }

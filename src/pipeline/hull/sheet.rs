@@ -1,23 +1,23 @@
 //! The hull of a cloud on a focal surface: its grid, and beside it the hull of the rays that do not fit.
 
 use super::cloud::Cloud;
-use super::focal::{FocalGrid, FocalPatch};
+use super::disjoint_sets::Groups;
+use super::focal::{FocalGrid, FocalPatch, Symmetry};
 use super::mesh::{Hull, Label};
 use crate::error::Error;
 use crate::source::Ray;
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::watch::StageWatch;
+use glam::DVec3;
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Rays to a cell of the grid, and fewest and most cells along its longest side, unless asked otherwise.
 const RAYS_PER_CELL: f64 = 60.0;
 const FEWEST_CELLS: f64 = 16.0;
 const MOST_CELLS: f64 = 64.0;
-
-/// What the first pass finds: rays per cell, and the box of those that do not fit.
-struct Found {
-    rays: Vec<u32>,
-    loose: u64,
-}
+/// A cell is at least this part of its length thick.
+const THINNEST: f64 = 1e-3;
 
 /// The hull of a cloud on a focal patch: the grid, and after it the hull that `wrap_loose` makes of the origins of the rays that do not fit,
 /// where there are any.
@@ -32,40 +32,45 @@ pub fn wrap(
     let cell_mm = (patch.lit_mm2 * RAYS_PER_CELL / cloud.ray_count().max(1) as f64).sqrt();
     let by_rays = (extent_mm.max_element() / cell_mm).clamp(FEWEST_CELLS, MOST_CELLS);
     let longest = resolution.map_or(by_rays, f64::from);
-    let along = |mm: f64| (longest * mm / extent_mm.max_element()).ceil().clamp(1.0, longest.ceil()) as usize;
+    // A symmetric grid has no middle column, which would be on neither side.
+    let sides = if patch.symmetry == Symmetry::None { 1 } else { 2 };
+    let along = |mm: f64| {
+        let cells = (longest * mm / extent_mm.max_element()).ceil().clamp(1.0, longest.ceil());
+        (cells as usize).next_multiple_of(sides)
+    };
     let cells = [along(extent_mm.x), along(extent_mm.y)];
-    let count = |rays: &[Ray]| {
-        let mut found = Found { rays: vec![0; cells[0] * cells[1]], loose: 0 };
+    let lit: Vec<AtomicBool> = (0..cells[0] * cells[1]).map(|_| AtomicBool::new(false)).collect();
+    let has_loose = AtomicBool::new(false);
+    let look = |rays: &[Ray]| {
         for ray in rays {
-            match patch.meet(ray) {
-                Some(crossing) => found.rays[FocalGrid::place(&patch, cells, crossing.at_mm).0] += 1,
-                None => found.loose += 1,
+            let crossing = patch.meet(ray);
+            let met = crossing.map(|crossing| &lit[FocalGrid::place(&patch, cells, crossing.at_mm).0]);
+            let flag = met.unwrap_or(&has_loose);
+            if !flag.load(Ordering::Relaxed) {
+                flag.store(true, Ordering::Relaxed);
             }
         }
-        Ok(found)
+        Ok(())
     };
-    let start = Found { rays: vec![0; cells[0] * cells[1]], loose: 0 };
-    let found = cloud.without_images().fold(watch.part(0.0, 0.4), start, count, |all, part| {
-        all.rays.iter_mut().zip(part.rays).for_each(|(sum, rays)| *sum = sum.saturating_add(rays));
-        all.loose += part.loose;
-    })?;
-    let lit = patch.symmetry.spread(cells, found.rays.iter().map(|rays| *rays > 0).collect());
+    cloud.without_images().fold(watch.part(0.0, 0.4), (), look, |(), ()| ())?;
+    let lit = patch.symmetry.spread(cells, lit.into_iter().map(AtomicBool::into_inner).collect());
     let (mut grid, vertices_mm, triangles) = FocalGrid::new(patch, cells, &lit);
     let cell_mm = FocalGrid::size_mm(&patch, cells);
+    let [x, y] = [patch.surface.axes.x_axis, patch.surface.axes.y_axis];
     let sheet = Hull {
         labels: vec![Label::Projected; triangles.len()],
-        part_of_vertex: vec![0; vertices_mm.len()],
+        part_of_vertex: parts(vertices_mm.len(), &triangles),
         face_of_vertex: vec![0; vertices_mm.len()],
         place_of_vertex: (0..vertices_mm.len() as u32).collect(),
         vertices_mm,
         triangles,
-        cell_mm: (patch.surface.axes * cell_mm.extend(0.0)).abs(),
+        cell_mm: (x.abs() * cell_mm.x + y.abs() * cell_mm.y).max(DVec3::splat(THINNEST * cell_mm.length())),
         resolution: cells[0].max(cells[1]) as u32,
         max_edge_mm: cell_mm.length(),
         focal: None,
         notices: Notices::default(),
     };
-    if found.loose == 0 {
+    if !has_loose.into_inner() {
         watch.step(1.0)?;
         return Ok(Hull { focal: Some(grid), ..sheet });
     }
@@ -76,7 +81,22 @@ pub fn wrap(
     Ok(hull)
 }
 
-/// Two surfaces as one that does not hang together.
+/// The connected part of each vertex, numbered in the order of the smallest vertex.
+fn parts(vertices: usize, triangles: &[[u32; 3]]) -> Vec<u32> {
+    let mut groups = Groups::new(vertices);
+    for [a, b, c] in triangles {
+        groups.join(*a, *b);
+        groups.join(*b, *c);
+    }
+    let mut numbers = BTreeMap::new();
+    let mut number = |vertex: u32| {
+        let next = numbers.len() as u32;
+        *numbers.entry(groups.of(vertex)).or_insert(next)
+    };
+    (0..vertices as u32).map(&mut number).collect()
+}
+
+/// Two surfaces as one that does not hang together; what was noticed of the second concerns a few rays, and is not told.
 fn joined(mut first: Hull, second: &Hull) -> Hull {
     let after = |numbers: &[u32]| numbers.iter().max().map_or(0, |last| last + 1);
     let vertices = first.vertices_mm.len() as u32;
@@ -86,8 +106,8 @@ fn joined(mut first: Hull, second: &Hull) -> Hull {
     first.triangles.extend(second.triangles.iter().map(|corners| corners.map(|corner| vertices + corner)));
     first.labels.extend(&second.labels);
     first.part_of_vertex.extend(second.part_of_vertex.iter().map(|part| parts + part));
-    first.face_of_vertex.extend(second.face_of_vertex.iter().map(|face| faces + face));
+    // A few rays here and there: no faces of their own.
+    first.face_of_vertex.extend(second.face_of_vertex.iter().map(|_| faces));
     first.place_of_vertex.extend(second.place_of_vertex.iter().map(|place| places + place));
-    first.notices.merge(&second.notices);
     first
 }

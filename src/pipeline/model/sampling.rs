@@ -14,7 +14,7 @@ pub struct Sampler<'a> {
     /// Flux below each corner of each triangle, running.
     corners: Vec<f64>,
     /// For each zone the flux into the surroundings of each node, running.
-    zones: Vec<Vec<f32>>,
+    zones: Vec<Vec<f64>>,
     /// Of the light round a node of γ, the part on the side of smaller γ.
     below: Vec<f64>,
 }
@@ -39,7 +39,7 @@ impl<'a> Sampler<'a> {
             let mut sum = 0.0;
             let add = |(node, intensity): (usize, &f64)| {
                 sum += intensity * weights_sr[node % weights_sr.len()];
-                sum as f32
+                sum
             };
             evaluator.nodes(zone).iter().enumerate().map(add).collect()
         };
@@ -71,7 +71,7 @@ impl<'a> Sampler<'a> {
         let grid = &self.model.goniograms.grid;
         let running = &self.zones[zone];
         let total = *running.last().filter(|total| **total > 0.0)?;
-        let wanted = total * uniform(random) as f32;
+        let wanted = total * uniform(random);
         let node = running.partition_point(|running| *running <= wanted).min(running.len() - 1);
         let (c, k) = (node / grid.gamma_nodes(), node % grid.gamma_nodes());
         let (dc, dg) = (TAU / grid.c_planes() as f64, PI / (grid.gamma_nodes() - 1) as f64);
