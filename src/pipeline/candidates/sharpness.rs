@@ -19,6 +19,8 @@ const DIRECTED: f64 = 0.25;
 const ALONG_AXIS: f64 = 0.9986;
 /// Least part of the flux that must meet a surface.
 const MEETS: f64 = 0.98;
+/// What is predicted for a ray that does not: this part of the flux from anywhere in the source's size in any direction.
+const MISSED: f64 = 1e-3;
 /// Halvings of the places: a few tens of rays are left in each.
 const HALVINGS: u32 = 9;
 /// Bins of directions, by the angle from the axis and round it.
@@ -159,8 +161,7 @@ impl Search {
 
     fn try_at(&self, curvature_per_mm: f64, depth_mm: f64) -> Option<Sharp> {
         let surface = FocalSurface::new(self.center_mm + depth_mm * self.axis, self.axis, curvature_per_mm);
-        let least_mm2 = (LEAST_WIDTH * self.size_mm).powi(2);
-        let log_radiance = predicted(&surface, &self.rays, least_mm2).filter(|log| log.is_finite())?;
+        let log_radiance = predicted(&surface, &self.rays, self.size_mm).filter(|log| log.is_finite())?;
         Some(Sharp { surface, log_radiance })
     }
 }
@@ -245,7 +246,7 @@ struct Met {
 }
 
 /// Mean logarithm of the radiance predicted for every second ray, learnt from the others; `None` where too many rays miss the surface.
-fn predicted(surface: &FocalSurface, rays: &[Ray], least_mm2: f64) -> Option<f64> {
+fn predicted(surface: &FocalSurface, rays: &[Ray], size_mm: f64) -> Option<f64> {
     let (mut halves, mut missed) = ([Vec::new(), Vec::new()], 0.0);
     for (k, ray) in rays.iter().enumerate() {
         match surface.meet(ray.origin_mm, ray.direction) {
@@ -266,7 +267,7 @@ fn predicted(surface: &FocalSurface, rays: &[Ray], least_mm2: f64) -> Option<f64
     }
     let flux: f64 = training.iter().map(|met| met.weight).sum();
     training.iter_mut().for_each(|met| met.weight /= flux);
-    let places = Places::of(&mut training, least_mm2);
+    let places = Places::of(&mut training, (LEAST_WIDTH * size_mm).powi(2));
     let solid_angles_sr = solid_angles_sr();
     let mut sent = vec![0.0; solid_angles_sr.len()];
     training.iter().for_each(|met| sent[met.bin] += met.weight);
@@ -274,7 +275,9 @@ fn predicted(surface: &FocalSurface, rays: &[Ray], least_mm2: f64) -> Option<f64
     sent.iter_mut().zip(&solid_angles_sr).for_each(|(sent, sr)| *sent += 0.3 * floor * sr / (2.0 * TAU));
     let log_of = |of: &dyn Fn(&Met) -> f64| {
         let judged: f64 = held_out.iter().map(|met| met.weight).sum();
-        held_out.iter().map(|met| met.weight * of(met).max(f64::MIN_POSITIVE).ln()).sum::<f64>() / judged
+        let sum: f64 = held_out.iter().map(|met| met.weight * of(met).max(f64::MIN_POSITIVE).ln()).sum();
+        let anywhere = MISSED / (4.0 * PI * size_mm * size_mm);
+        (met * sum / judged + missed * anywhere.ln()) / (met + missed)
     };
     if surface.curvature_per_mm == 0.0 {
         let whole: f64 = sent.iter().sum();
