@@ -265,11 +265,11 @@ impl FocalGrid {
         let patch_corner = |x: usize, y: usize| self.patch.min_mm + DVec2::new(x as f64, y as f64) * size_mm;
         let (mut vertices_mm, mut triangles) = (Vec::new(), Vec::new());
         let mut number = vec![u32::MAX; (columns + 1) * (rows + 1)];
-        for cell in 0..columns * rows {
+        for (cell, is_lit) in lit.iter().enumerate() {
             let (x, y) = (cell % columns, cell / columns);
             let far = patch_corner(x + usize::from(2 * x >= columns), y + usize::from(2 * y >= rows));
             let beyond = far.length_squared() * self.patch.surface.curvature_per_mm.powi(2) > FARTHEST_CORNER;
-            if !beside(x, y) || (beyond && !lit[cell]) {
+            if !beside(x, y) || (beyond && !is_lit) {
                 continue;
             }
             let mut corner = |x: usize, y: usize| {
