@@ -177,11 +177,19 @@ impl View {
         ]
     }
 
-    /// All triangles, then the axes and a scale.
+    /// All triangles, then the axes and a scale. Rays that do not fit a focal surface have a hull round it with hardly any light: it is
+    /// drawn behind, or it would hide what shines.
     fn draw(&self, svg: &mut Svg, model: &Model, colors: &[[u8; 3]], style: &str) {
-        let triangles: Vec<[[f64; 3]; 3]> = (0..model.hull.triangles.len())
-            .map(|triangle| model.hull.corners_mm(triangle).map(|corner| self.place(corner)))
-            .collect();
+        let first_behind = model.hull.focal.as_ref().map_or(usize::MAX, |grid| grid.triangle_count);
+        let behind_mm = model.hull.bounds_mm().size().length();
+        let place = |triangle: usize| {
+            let depth_mm = if triangle < first_behind { 0.0 } else { 2.0 * behind_mm };
+            model.hull.corners_mm(triangle).map(|corner| {
+                let [x, y, z] = self.place(corner);
+                [x, y, z - depth_mm]
+            })
+        };
+        let triangles: Vec<[[f64; 3]; 3]> = (0..model.hull.triangles.len()).map(place).collect();
         if triangles.len() <= MOST_POLYGONS {
             polygons(svg, &triangles, colors, style);
         } else {
