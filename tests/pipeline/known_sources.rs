@@ -9,14 +9,15 @@ use pipeline::known_sources::{KnownSource, all, by_name, write_tm25};
 use pipeline::model::Model;
 use pipeline::options::Zones;
 use pipeline::vocabulary::space::{Axis, Frame};
-use pipeline::{Declared, Input, Limits, NoProgress, Options, Outcome, run};
+use pipeline::{Declared, Error, Input, Limits, NoProgress, Options, Outcome, run};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 use support::statistics::{ALARM_Z, cell_mean, chi_square_z};
 
 const RAYS: u64 = 1_000_000;
 
-fn outcome(source: &KnownSource, rays: u64, options: &Options) -> Outcome {
+/// The model of `rays` rays of a known source.
+pub fn built(source: &KnownSource, rays: u64, options: &Options) -> Result<Outcome, Error> {
     let mut bytes = Vec::new();
     write_tm25(source, rays, 7, &mut bytes).unwrap();
     let input = Input {
@@ -26,7 +27,11 @@ fn outcome(source: &KnownSource, rays: u64, options: &Options) -> Outcome {
         declared: Declared::default(),
         notices: Vec::new(),
     };
-    run(&[input], options, &Limits::default(), &NoProgress).unwrap()
+    run(&[input], options, &Limits::default(), &NoProgress)
+}
+
+fn outcome(source: &KnownSource, rays: u64, options: &Options) -> Outcome {
+    built(source, rays, options).unwrap()
 }
 
 fn unsmoothed() -> Options {

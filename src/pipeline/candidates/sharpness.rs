@@ -29,14 +29,15 @@ const BINS: [usize; 2] = [24, 48];
 const LEAST_COSINE: f64 = 0.02;
 /// Rounds in which place and direction are fitted to each other on a curved surface.
 const ROUNDS: usize = 3;
-/// Sizes of a source behind its rays' origins where surfaces are looked for, depths and curvatures (in units of two over the size) that
-/// are tried first; then places around the best, in steps that are halved so often where none is better, in at most so many rounds.
+/// Surfaces are looked for from the foremost origins to so many sizes of the source behind the last, ...
 const BEHIND: f64 = 1.0;
-/// Sizes within which a virtual focus is one of the depths.
+/// ... and at the virtual focus, where that is within so many sizes.
 const FOCUS_WITHIN: f64 = 3.0;
+/// Planes that are tried first; and depths and curvatures of spheres, in units of two over the size.
 const PLANES: usize = 25;
 const DEPTHS: usize = 9;
 const CURVATURES: [f64; 8] = [-0.9, -0.6, -0.3, 0.2, 0.4, 0.7, 1.0, 1.4];
+/// Then places around the best, in steps that are halved so often where none is better, in at most so many rounds.
 const HALVED: usize = 8;
 const MOST_ROUNDS: usize = 40;
 /// Parts of the flux left aside on each side of a patch on a plane and on a sphere, ...

@@ -93,11 +93,10 @@ impl Study {
     /// Where the model is surely worse than the rays of which it was made.
     pub fn notices(&self) -> Notices {
         let mut notices = Notices::default();
-        let worse = |figure: &&Figure| figure.model.powi(2) > figure.rays.powi(2) + 2.0 * figure.noise.powi(2);
         let views: Vec<String> = self
             .figures
             .iter()
-            .filter(worse)
+            .filter(|figure| figure.is_worse_than_rays())
             .map(|figure| {
                 format!("{}: {:.1} % against {:.1} %", figure.view, 100.0 * figure.model, 100.0 * figure.rays)
             })
@@ -111,6 +110,13 @@ impl Study {
             notices.add("model.worse_than_rays", message);
         }
         notices
+    }
+}
+
+impl Figure {
+    /// The model is surely farther from the truth than the rays of which it was made.
+    pub fn is_worse_than_rays(&self) -> bool {
+        self.model.powi(2) > self.rays.powi(2) + 2.0 * self.noise.powi(2)
     }
 }
 
