@@ -31,6 +31,8 @@ mod smoothing;
 pub mod flux;
 /// 4. Flux to angles.
 pub mod goniogram;
+/// Light that starts in a volume.
+pub mod volume;
 /// 5. What a renderer needs: the radiance of a point and a direction.
 pub mod model;
 /// Which surface the light is put on, by rays held out.
@@ -84,8 +86,8 @@ pub fn run(inputs: &[Input], options: &Options, limits: &Limits, watch: &dyn Wat
     let source = Source::read(inputs, &options.rays, limits, StageWatch::enter(watch, Stage::Rays)?)?;
     let hull_stage = StageWatch::enter(watch, Stage::Hull)?;
     let chosen = candidates::choose(&source, options, limits, hull_stage.part(0.0, CHOICE))?;
-    let cloud = hull::Cloud::new(&source, chosen.patch);
-    let pilot = hull::Cloud::sampled(&source, &chosen.sample.training, chosen.patch);
+    let cloud = hull::Cloud::new(&source, chosen.carrier);
+    let pilot = hull::Cloud::sampled(&source, &chosen.sample.training, chosen.carrier);
     let model = model::Model::build(&cloud, Some(&pilot), options, limits, |stage| match stage {
         Stage::Hull => Ok(hull_stage.part(CHOICE, 1.0)),
         stage => StageWatch::enter(watch, stage),

@@ -143,6 +143,8 @@ pub enum Emission {
     /// Where the rays' lines meet the plane or the sphere across the main direction on which the light is sharpest; rays that do
     /// not meet it well keep their origins.
     Focus,
+    /// The volume that the ray origins fill: light that comes through itself, as a flame's.
+    Volume,
 }
 
 /// Where the glTF file has the vertex spectra.

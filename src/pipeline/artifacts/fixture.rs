@@ -81,7 +81,8 @@ fn assemble(grid: SphereGrid, cells: &[f64]) -> Model {
         total,
         notices: Notices::default(),
     };
-    Model { origins: vec![origin(flux)], flux, spectral, hull, surface, goniograms, study: None, notices: Vec::new() }
+    Model { origins: vec![origin(flux)], flux, spectral, hull, surface, goniograms, volume: None,
+        study: None, notices: Vec::new() }
 }
 
 fn origin(flux: Flux) -> Origin {

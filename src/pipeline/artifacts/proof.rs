@@ -28,14 +28,15 @@ pub struct EmissionFacts {
 #[derive(Serialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
 struct CandidateFacts {
-    /// "origins": rays keep their origins. Else they are slid along their lines to a surface across the main direction.
-    #[schemars(extend("enum" = ["origins", "plane", "sphere"]))]
+    /// "origins": the hull of where the rays start. "plane", "sphere": rays are slid along their lines to such a surface across the main
+    /// direction. "volume": light comes from the lattice of points in emitter.glb.
+    #[schemars(extend("enum" = ["origins", "plane", "sphere", "volume"]))]
     surface: &'static str,
-    /// Where the surface meets its axis, source frame, mm; null of the origins.
+    /// Where the surface meets its axis, source frame, mm; null of origins and volume.
     apex_mm: Option<[f64; 3]>,
-    /// Unit vector of its axis: where the light goes; null of the origins.
+    /// Unit vector of its axis: where the light goes; null of origins and volume.
     axis: Option<[f64; 3]>,
-    /// One over its radius, 1/mm: 0 of a plane, positive where the centre lies ahead; null of the origins.
+    /// One over its radius, 1/mm: 0 of a plane, positive where the centre lies ahead; null of origins and volume.
     curvature_per_mm: Option<f64>,
     /// Mirror planes through the axis that the light is taken to have: 0, 2 or 4.
     mirrors: u8,
@@ -61,13 +62,13 @@ impl EmissionFacts {
 
 impl CandidateFacts {
     fn new(candidate: &Candidate) -> CandidateFacts {
-        let surface = candidate.patch.map(|patch| patch.surface);
+        let surface = candidate.carrier.patch().map(|patch| patch.surface);
         CandidateFacts {
             surface: candidate.surface(),
             apex_mm: surface.map(|surface| surface.apex_mm.to_array().map(sum)),
             axis: surface.map(|surface| surface.axes.z_axis.to_array().map(sum)),
             curvature_per_mm: surface.map(|surface| sum(surface.curvature_per_mm)),
-            mirrors: candidate.patch.map_or(0, |patch| patch.symmetry.mirrors()),
+            mirrors: candidate.carrier.patch().map_or(0, |patch| patch.symmetry.mirrors()),
             log_radiance: sum(candidate.log_radiance),
             gain: candidate.gain.map(|(gain, _)| sum(gain)),
             gain_error: candidate.gain.map(|(_, error)| sum(error)),

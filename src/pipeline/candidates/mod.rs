@@ -1,5 +1,5 @@
-//! Which surface the light is put on: the hull of the origins, a plane or a sphere on which it is sharper. A model of each is made of a part
-//! of a sample of the rays; the one that predicts the rays held out best is taken, the simpler one unless the other is surely better.
+//! Where the light is put: on the hull of the origins, on a plane or a sphere on which it is sharper, or in the volume that the origins
+//! fill. A model of each is made of a part of a sample of the rays; the one that predicts the rays held out best is taken, the simpler one unless the other is surely better.
 //!
 //! Radiance does not change along a line, so models on different surfaces compare by the radiance they give to the lines of rays
 //! they were not made of: the larger its mean logarithm, the better (the likelihood of the rays).
@@ -13,15 +13,16 @@ mod verification;
 
 use crate::error::Error;
 use crate::flux::project::Projector;
-use crate::hull::Cloud;
 use crate::hull::focal::{FocalPatch, Symmetry};
+use crate::hull::{Carrier, Cloud};
 use crate::model::Model;
 use crate::model::evaluation::Evaluator;
 use crate::model::study::{Candidate, Study};
 use crate::options::{Emission, Options};
 use crate::source::{Ray, Source};
 use crate::vocabulary::limits::Limits;
-use crate::vocabulary::watch::StageWatch;
+use crate::vocabulary::watch::{Stage, StageWatch};
+use crate::volume::lattice::is_filled;
 use rayon::prelude::*;
 pub use sample::Sample;
 use sharpness::{Search, Sharp, patch, weight};
@@ -44,39 +45,30 @@ const FLAT: f64 = 1e-4;
 const MOST_CELLS: u32 = 64;
 /// Of fewer rays no part is held out.
 const FEWEST_RAYS: usize = 2500;
+/// Where progress stands when focal surfaces have been searched for, and when candidates have been compared.
+const SEARCHED: f64 = 0.3;
+const COMPARED: f64 = 0.9;
 
 /// What was chosen.
 pub struct Chosen {
-    /// Where rays are slid to; `None`: they keep their origins.
-    pub patch: Option<FocalPatch>,
+    /// Where the light is put.
+    pub carrier: Carrier,
     /// What was found; `None` where there were too few rays.
     pub study: Option<Study>,
     /// The rays that were looked at.
     pub sample: Sample,
 }
 
-/// Chooses the surface of `source` as the options say, and verifies the choice.
+/// Chooses where the light of `source` is put as the options say, and verifies the choice.
 ///
 /// # Errors
 /// `emission.no_focus` where a focal surface was asked for and there is none; those of the stages.
 pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageWatch<'_>) -> Result<Chosen, Error> {
     let emission = options.emission();
     let sample = Sample::take(source, watch.part(0.0, 0.1))?;
-    let mut open: VecDeque<Option<FocalPatch>> = VecDeque::new();
-    if emission != Emission::Focus {
-        open.push_back(None);
-    }
-    if emission == Emission::Focus && sample.training.rays.len() < FEWEST_RAYS {
-        return Err(no_focus("There are too few rays to find a surface on which they are sharp."));
-    }
-    if emission != Emission::Origins {
-        open.extend(focal_patches(&sample, source, emission == Emission::Auto));
-    }
-    if open.is_empty() {
-        return Err(no_focus("The rays have no surface on which they are sharper than anywhere else."));
-    }
+    let mut open = carriers(&sample, source, emission, watch.part(0.1, SEARCHED))?;
     if sample.training.rays.len() < FEWEST_RAYS || sample.held_out.is_empty() {
-        return Ok(Chosen { patch: open[0], study: None, sample });
+        return Ok(Chosen { carrier: open[0], study: None, sample });
     }
     let mut study = Study {
         training_rays: sample.training.rays.len() as u64,
@@ -86,41 +78,85 @@ pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageW
     let mut options = options.clone();
     options.hull.resolution = options.hull.resolution.map(|cells| cells.min(MOST_CELLS));
     let mut best: Option<(Model, Vec<f64>)> = None;
-    while let Some(patch) = open.pop_front() {
-        let cloud = Cloud::sampled(source, &sample.training, patch).plain();
-        let tried = study.candidates.len() as f64;
-        let part = watch.part(1.0 - 0.8_f64.powf(tried + 1.0), 1.0 - 0.8_f64.powf(tried + 2.0)).part(0.0, 0.9);
-        part.step(0.0)?;
-        let model = match Model::build(&cloud, None, &options, limits, |_| Ok(part.part(0.0, 0.0))) {
+    let mut left = watch.part(SEARCHED, COMPARED);
+    while let Some(carrier) = open.pop_front() {
+        let part = left.part(0.0, 0.4);
+        left = left.part(0.4, 1.0);
+        let cloud = Cloud::sampled(source, &sample.training, carrier).plain();
+        let model = match Model::build(&cloud, None, &options, limits, |stage| Ok(part_of(part, stage))) {
             // What is too much for the options is so for all rays too, and said there.
-            Err(Error::Refused(_)) if patch.is_none() && study.candidates.is_empty() => {
-                return Ok(Chosen { patch: None, study: None, sample });
+            Err(Error::Refused(_)) if study.candidates.is_empty() && carrier.patch().is_none() => {
+                return Ok(Chosen { carrier, study: None, sample });
             }
-            // A focal surface that does not go with the options is no choice.
+            // What does not go with the options is no choice.
             Err(Error::Refused(_)) if emission == Emission::Auto => continue,
             model => model?,
         };
         let judged = log_radiances(&model, source, &sample.held_out);
         let gain = best.as_ref().map(|(_, best)| gain(&judged, best, &sample.held_out));
-        study.candidates.push(Candidate { patch, log_radiance: mean(&judged, &sample.held_out), gain });
+        study.candidates.push(Candidate { carrier, log_radiance: mean(&judged, &sample.held_out), gain });
         if gain.is_none_or(|(gain, error)| gain > SURELY * error) {
             best = Some((model, judged));
             study.chosen = study.candidates.len() - 1;
         }
-        // Whether the best surface is symmetric is tried last: the most symmetric first.
-        if let (true, Some(chosen)) = (open.is_empty(), study.candidates[study.chosen].patch) {
-            let next = match (patch.map(|patch| patch.symmetry), chosen.symmetry) {
-                (None | Some(Symmetry::None), Symmetry::None) => Some(Symmetry::FourMirrors),
-                (Some(Symmetry::FourMirrors), Symmetry::None) => Some(Symmetry::TwoMirrors),
-                _ => None,
-            };
-            open.extend(next.map(|symmetry| Some(chosen.with(symmetry))));
+        if open.is_empty() {
+            open.extend(more_symmetric(carrier, study.candidates[study.chosen].carrier));
         }
     }
     if let Some((model, _)) = best {
-        verify(&model, source, &sample, &mut study, watch.part(0.9, 1.0))?;
+        verify(&model, source, &sample, &mut study, watch.part(COMPARED, 1.0))?;
     }
-    Ok(Chosen { patch: study.candidates[study.chosen].patch, study: Some(study), sample })
+    Ok(Chosen { carrier: study.candidates[study.chosen].carrier, study: Some(study), sample })
+}
+
+/// The part of a candidate's watch that is a stage's.
+fn part_of(part: StageWatch<'_>, stage: Stage) -> StageWatch<'_> {
+    match stage {
+        Stage::Rays | Stage::Hull => part.part(0.0, 0.2),
+        Stage::Flux => part.part(0.2, 0.6),
+        Stage::Goniogram => part.part(0.6, 0.9),
+        Stage::Model | Stage::Artifacts => part.part(0.9, 1.0),
+    }
+}
+
+/// Whether the best focal surface is symmetric is tried last: the most symmetric first, after `tried` the next.
+fn more_symmetric(tried: Carrier, best: Carrier) -> Option<Carrier> {
+    let patch = best.patch().filter(|patch| patch.symmetry == Symmetry::None)?;
+    let next = match tried.patch().map_or(Symmetry::None, |patch| patch.symmetry) {
+        Symmetry::None => Symmetry::FourMirrors,
+        Symmetry::FourMirrors => Symmetry::TwoMirrors,
+        Symmetry::TwoMirrors => return None,
+    };
+    Some(Carrier::Focal(patch.with(next)))
+}
+
+/// Where the light may be put, the simplest first; at least one.
+fn carriers(
+    sample: &Sample,
+    source: &Source,
+    emission: Emission,
+    watch: StageWatch<'_>,
+) -> Result<VecDeque<Carrier>, Error> {
+    let rays = &sample.training.rays;
+    let focal = || -> Result<Vec<Carrier>, Error> {
+        let patches = focal_patches(rays, source, emission == Emission::Auto, watch)?;
+        Ok(patches.into_iter().map(Carrier::Focal).collect())
+    };
+    let carriers = match emission {
+        Emission::Origins => vec![Carrier::Origins],
+        Emission::Volume => vec![Carrier::Volume],
+        Emission::Focus if rays.len() < FEWEST_RAYS => {
+            return Err(no_focus("There are too few rays to find a surface on which they are sharp."));
+        }
+        Emission::Focus => focal()?,
+        Emission::Auto if rays.len() < FEWEST_RAYS => vec![Carrier::Origins],
+        Emission::Auto if is_filled(rays) => vec![Carrier::Origins, Carrier::Volume],
+        Emission::Auto => [vec![Carrier::Origins], focal()?].concat(),
+    };
+    if carriers.is_empty() {
+        return Err(no_focus("The rays have no surface on which they are sharper than anywhere else."));
+    }
+    Ok(carriers.into())
 }
 
 fn no_focus(found: &str) -> Error {
@@ -129,9 +165,14 @@ fn no_focus(found: &str) -> Error {
 
 /// The sharpest plane, and the sharpest sphere where it is sharper; none where they are no better than a flat source's own plane, if
 /// `only_where_better`.
-fn focal_patches(sample: &Sample, source: &Source, only_where_better: bool) -> Vec<Option<FocalPatch>> {
-    let Some(search) = Search::new(&sample.training.rays) else { return Vec::new() };
-    let [plane, sphere] = search.sharpest();
+fn focal_patches(
+    rays: &[Ray],
+    source: &Source,
+    only_where_better: bool,
+    watch: StageWatch<'_>,
+) -> Result<Vec<FocalPatch>, Error> {
+    let Some(search) = Search::new(rays) else { return Ok(Vec::new()) };
+    let [plane, sphere] = search.sharpest(watch)?;
     let size_mm = source.survey.bounds_mm.size();
     let is_flat = |axis: glam::DVec3| size_mm.dot(axis.abs()) < FLAT * size_mm.length();
     let given = search.given().filter(|given| only_where_better && is_flat(given.surface.axes.z_axis));
@@ -140,8 +181,7 @@ fn focal_patches(sample: &Sample, source: &Source, only_where_better: bool) -> V
     };
     let plane = better(plane, given);
     let sphere = better(sphere, plane.or(given));
-    let patch = |sharp: Sharp| patch(sharp.surface, &sample.training.rays);
-    plane.into_iter().chain(sphere).filter_map(patch).map(Some).collect()
+    Ok(plane.into_iter().chain(sphere).filter_map(|sharp| patch(sharp.surface, rays)).collect())
 }
 
 /// Logarithm of the radiance that `model` gives to the line of each ray, its flux 1.
@@ -151,6 +191,9 @@ fn log_radiances(model: &Model, source: &Source, rays: &[Ray]) -> Vec<f64> {
     let projector = Projector::new(&model.hull);
     let Some(evaluator) = Evaluator::of_primary(model) else { return vec![anywhere.ln(); rays.len()] };
     let radiance = |ray: &Ray| {
+        if let Some(radiance) = evaluator.radiance_along(ray.origin_mm, ray.direction) {
+            return radiance / flux;
+        }
         let Some(landing) = projector.land(ray) else { return 0.0 };
         let cosine = ray.direction.dot(model.hull.normal(landing.triangle)).abs().max(LEAST_COSINE);
         let exitance = evaluator.exitance(landing.triangle, landing.shares);

@@ -1,7 +1,7 @@
 //! A sample of the rays, in memory: one part to build candidates of, the other, held out, to judge them by.
 
 use crate::error::Error;
-use crate::hull::Cloud;
+use crate::hull::{Carrier, Cloud};
 use crate::hull::cloud::Sampled;
 use crate::inspection::sample::hash;
 use crate::source::{Columns, Ray, Source, Spectral};
@@ -40,7 +40,7 @@ impl Sample {
             Ok(rays.iter().map(|ray| (hash(ray.index), *ray)).filter(|(place, _)| *place <= keep_up_to).collect())
         };
         let mut picked =
-            Cloud::new(source, None).fold(watch, Vec::new(), pick, |all: &mut Vec<(u64, Ray)>, part| {
+            Cloud::new(source, Carrier::Origins).fold(watch, Vec::new(), pick, |all: &mut Vec<(u64, Ray)>, part| {
                 let room = MOST_RAYS.saturating_sub(all.len());
                 all.extend(part.into_iter().take(room));
             })?;

@@ -1,10 +1,12 @@
 //! Where the light is sharpest: planes and spheres across the main direction, each judged by how well a radiance that is a function of
 //! place times a function of direction on it predicts half of the rays, when it is learnt from the other half.
 
+use crate::error::Error;
 use crate::hull::focal::{FocalPatch, FocalSurface, Symmetry};
 use crate::inspection::focus;
 use crate::source::Ray;
 use crate::vocabulary::space::{Axis, Bounds};
+use crate::vocabulary::watch::StageWatch;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
@@ -100,7 +102,10 @@ impl Search {
     }
 
     /// The sharpest plane and the sharpest sphere.
-    pub fn sharpest(&self) -> [Option<Sharp>; 2] {
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`].
+    pub fn sharpest(&self, watch: StageWatch<'_>) -> Result<[Option<Sharp>; 2], Error> {
         let depth_mm = |k: usize, count: usize| {
             let behind = self.depth_mm() + BEHIND * self.size_mm;
             -behind * (1.0 - k as f64 / (count - 1) as f64)
@@ -111,8 +116,7 @@ impl Search {
             .iter()
             .flat_map(|curvature| (0..DEPTHS).map(move |k| (2.0 * curvature / self.size_mm, depth_mm(k, DEPTHS))))
             .collect();
-        [(planes, 0.0), (spheres, 0.6 / self.size_mm)]
-            .map(|(places, curvature_step)| self.refine(places, curvature_step))
+        Ok([self.refine(planes, 0.0, watch.part(0.0, 0.3))?, self.refine(spheres, 0.6 / self.size_mm, watch.part(0.3, 1.0))?])
     }
 
     /// Where the virtual focus lies along the axis, mm; `None` where there is none within reach.
@@ -130,13 +134,21 @@ impl Search {
     }
 
     /// The best of `places` (curvature, depth), and of those around it in ever smaller steps.
-    fn refine(&self, places: Vec<(f64, f64)>, mut curvature_step: f64) -> Option<Sharp> {
-        let best_of = |places: &[(f64, f64)]| {
-            let tried: Vec<Option<(f64, (f64, f64))>> =
-                places.par_iter().map(|at| self.try_at(at.0, at.1).map(|sharp| (sharp.log_radiance, *at))).collect();
-            tried.into_iter().flatten().reduce(|best, next| if next.0 > best.0 { next } else { best })
+    fn refine(
+        &self,
+        places: Vec<(f64, f64)>,
+        mut curvature_step: f64,
+        watch: StageWatch<'_>,
+    ) -> Result<Option<Sharp>, Error> {
+        let best_of = |places: &[(f64, f64)], done: f64| -> Result<Option<(f64, (f64, f64))>, Error> {
+            let sharp = |at: &(f64, f64)| {
+                watch.step(done)?;
+                Ok(self.try_at(at.0, at.1).map(|sharp| (sharp.log_radiance, *at)))
+            };
+            let tried = places.par_iter().map(sharp).collect::<Result<Vec<_>, Error>>()?;
+            Ok(tried.into_iter().flatten().reduce(|best, next| if next.0 > best.0 { next } else { best }))
         };
-        let mut best = best_of(&places)?;
+        let Some(mut best) = best_of(&places, 0.0)? else { return Ok(None) };
         let mut depth_step = self.size_mm / 8.0;
         let mut halved = 0;
         for _ in 0..MOST_ROUNDS {
@@ -149,7 +161,7 @@ impl Search {
                 .map(|(c, z)| (curvature + c * curvature_step, depth + z * depth_step))
                 .filter(|(c, _)| curvature == 0.0 || *c != 0.0)
                 .collect();
-            match best_of(&around).filter(|next| next.0 > best.0) {
+            match best_of(&around, 0.5 + 0.5 * halved as f64 / HALVED as f64)?.filter(|next| next.0 > best.0) {
                 Some(next) => best = next,
                 None => {
                     (depth_step, curvature_step) = (depth_step / 2.0, curvature_step / 2.0);
@@ -157,7 +169,7 @@ impl Search {
                 }
             }
         }
-        self.try_at(best.1.0, best.1.1)
+        Ok(self.try_at(best.1.0, best.1.1))
     }
 
     fn try_at(&self, curvature_per_mm: f64, depth_mm: f64) -> Option<Sharp> {

@@ -5,7 +5,7 @@
 use super::sample::Sample;
 use super::sharpness::{quantiles, weight};
 use crate::error::Error;
-use crate::hull::Cloud;
+use crate::hull::{Carrier, Cloud};
 use crate::model::Model;
 use crate::model::evaluation::Evaluator;
 use crate::model::sampling::Sampler;
@@ -192,28 +192,31 @@ pub fn verify(
         Ok(halves)
     };
     let merge = |all: &mut [Counts; 2], part: [Counts; 2]| all.iter_mut().zip(&part).for_each(|(a, b)| a.merge(b));
-    let truth = Cloud::new(source, None).fold(watch, [none.clone(), none.clone()], judge, merge)?;
+    let truth = Cloud::new(source, Carrier::Origins).fold(watch.part(0.0, 0.5), [none.clone(), none.clone()], judge, merge)?;
+    let drawing = watch.part(0.5, 1.0);
     let mut rays = none.clone();
     sample.training.rays.iter().for_each(|ray| rays.add(&screens, ray.origin_mm, ray.direction, weight(ray)));
     let sampler = Sampler::new(model, &evaluator);
-    let drawn = [0, 1].map(|half| {
-        let batch = |number: u64| {
+    let draw = |half: u64| {
+        let batch = |number: u64| -> Result<Counts, Error> {
+            drawing.step((half as f64 + number as f64 * BATCH as f64 / DRAWN as f64) / 2.0)?;
             let mut random = ChaCha8Rng::seed_from_u64(2 * number + half);
             let mut counts = none.clone();
             for (point_mm, direction) in (0..BATCH).filter_map(|_| sampler.draw(&mut random)) {
                 counts.add(&screens, point_mm, direction, 1.0);
             }
-            counts
+            Ok(counts)
         };
         // Sums of whole numbers: any order of the batches gives the same.
-        (0..DRAWN / BATCH).into_par_iter().map(batch).reduce(
+        (0..DRAWN / BATCH).into_par_iter().map(batch).try_reduce(
             || none.clone(),
             |mut all, part| {
                 all.merge(&part);
-                all
+                Ok(all)
             },
         )
-    });
+    };
+    let drawn = [draw(0)?, draw(1)?];
     study.judging_rays = truth.iter().map(|half| half.rays).sum();
     study.drawn_rays = drawn.iter().map(|half| half.rays).sum();
     study.figures = screens.iter().filter_map(|screen| figure(screen, &truth, &drawn, &rays)).collect();

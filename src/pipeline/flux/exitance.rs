@@ -1,48 +1,72 @@
-//! The exitance, smoothed: every quantity of every vertex, as far as its rays do not support what was counted.
+//! Flux on a surface or in a volume, smoothed: every quantity of every site, as far as its rays do not support what was counted.
 
 use super::Amounts;
+use crate::error::Error;
 use crate::hull::Hull;
-use crate::smoothing::{Edge, Levels, refine};
+use crate::smoothing::{Edge, Levels, Sharing, refine};
 use crate::source::Spectral;
 use crate::vocabulary::units::Flux;
+use crate::vocabulary::watch::StageWatch;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
-/// Rounds of proportional fitting, after which the columns of a vertex add up to its flux and those of the source stay.
+/// Rounds of proportional fitting, after which the columns of a site add up to its flux and those of the source stay.
 const ROUNDS: usize = 3;
 
-/// Smooths `vertices`: the flux from an even exitance, the columns from their shares in it. Sums over all vertices are kept.
-pub fn smooth(hull: &Hull, vertices: &mut Amounts, ray: &Flux, spectral: &Spectral) {
-    let levels = levels(hull);
-    let areas_mm2 = hull.vertex_areas_mm2();
-    let whole = refine(&levels, vertices.primary(), &areas_mm2, ray.primary()).amounts;
+/// Smooths `vertices` of a hull from an even exitance, as [`smooth_amounts`].
+pub fn smooth(
+    hull: &Hull,
+    vertices: &mut Amounts,
+    ray: &Flux,
+    spectral: &Spectral,
+    watch: StageWatch<'_>,
+) -> Result<(), Error> {
+    smooth_amounts(&levels(hull), &hull.vertex_areas_mm2(), vertices, ray, spectral, watch)
+}
+
+/// Smooths the flux of sites from a prior in proportion to their `measures` (areas, volumes), the columns from their shares in it. Sums
+/// over all sites are kept.
+///
+/// # Errors
+/// [`Error::Cancelled`].
+pub fn smooth_amounts(
+    levels: &Levels,
+    measures: &[f64],
+    sites: &mut Amounts,
+    ray: &Flux,
+    spectral: &Spectral,
+    watch: StageWatch<'_>,
+) -> Result<(), Error> {
+    watch.step(0.0)?;
+    let whole = refine(levels, sites.primary(), measures, ray.primary()).amounts;
     let column_ray = if spectral.has_bands() { ray.primary() } else { ray.luminous_lm.unwrap_or(0.0) };
-    let lit = vertices.lit_columns();
-    let smooth_column = |column: &usize| -> Vec<f64> {
-        let counted = vertices.column(*column);
-        if lit.len() == 1 {
+    let lit = sites.lit_columns();
+    let smooth_column = |column: &usize| -> Result<Vec<f64>, Error> {
+        watch.step(0.0)?;
+        let counted = sites.column(*column);
+        Ok(if lit.len() == 1 {
             scaled(&whole, counted.iter().sum())
         } else {
-            refine(&levels, &counted, &whole, column_ray).amounts
-        }
+            refine(levels, &counted, &whole, column_ray).amounts
+        })
     };
-    let mut columns: Vec<Vec<f64>> = lit.par_iter().map(smooth_column).collect();
+    let mut columns = lit.par_iter().map(smooth_column).collect::<Result<Vec<_>, _>>()?;
     if spectral.has_bands() {
         (0..ROUNDS).for_each(|_| fit(&mut columns, &whole));
     }
-    if let Some(luminous) = &mut vertices.luminous_lm {
+    if let Some(luminous) = &mut sites.luminous_lm {
         let ray = ray.luminous_lm.unwrap_or(0.0);
-        *luminous = match vertices.radiant_w {
+        *luminous = match sites.radiant_w {
             Some(_) if lit.len() == 1 => scaled(&whole, luminous.iter().sum()),
-            Some(_) => refine(&levels, luminous, &whole, ray).amounts,
+            Some(_) => refine(levels, luminous, &whole, ray).amounts,
             None => whole.clone(),
         };
     }
-    lit.iter().zip(&columns).for_each(|(column, values)| vertices.set_column(*column, values));
-    if let Some(radiant) = &mut vertices.radiant_w {
+    lit.iter().zip(&columns).for_each(|(column, values)| sites.set_column(*column, values));
+    if let Some(radiant) = &mut sites.radiant_w {
         *radiant = whole;
-    }
+    }    Ok(())
 }
 
 /// `form` with the sum `total`.
@@ -51,7 +75,7 @@ fn scaled(form: &[f64], total: f64) -> Vec<f64> {
     form.iter().map(|value| if sum > 0.0 { value * (total / sum) } else { 0.0 }).collect()
 }
 
-/// One round: the columns of a vertex in proportion to its flux, then each column in proportion to its sum.
+/// One round: the columns of a site in proportion to its flux, then each column in proportion to its sum.
 fn fit(columns: &mut [Vec<f64>], whole: &[f64]) {
     let totals: Vec<f64> = columns.iter().map(|column| column.iter().sum()).collect();
     let factor = |vertex: usize| {
@@ -78,7 +102,7 @@ fn levels(hull: &Hull) -> Levels {
     let kinds: Vec<u32> =
         hull.vertex_normals().iter().zip(&hull.face_of_vertex).map(|(n, face)| 6 * face + facing(*n)).collect();
     let edges: Vec<Edge> = edges.into_iter().map(|(a, b)| (a, b, 1.0)).collect();
-    Levels::new(&hull.vertices_mm, &kinds, &edges, spacing, true)
+    Levels::new(&hull.vertices_mm, &kinds, &edges, spacing, Sharing::ThreeCorners)
 }
 
 /// Which face of a cube a normal belongs to, 0 to 5.

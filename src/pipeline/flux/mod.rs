@@ -7,7 +7,7 @@ pub mod project;
 /// Sums per site that do not depend on the number of threads.
 pub mod tally;
 /// The exitance, smoothed.
-mod exitance;
+pub mod exitance;
 /// Flux in equals flux on the surface plus rejected.
 pub mod balance;
 
@@ -58,7 +58,7 @@ impl Surface {
     }
 }
 
-/// Lays every ray on the hull, and tells `landed` of each that lands.
+/// Lays every ray on the hull, and tells `laid` of each where it landed, if it did.
 ///
 /// # Errors
 /// [`Error::Refused`] above [`Limits::max_tally_values`]; [`Error::Cancelled`], [`Error::Unreadable`].
@@ -68,7 +68,7 @@ pub fn project(
     options: &FluxOptions,
     limits: &Limits,
     watch: StageWatch<'_>,
-    landed: impl Fn(&Ray, &Landing, &Deposit) + Sync + Send,
+    laid: impl Fn(&Ray, Option<&Landing>, &Deposit) + Sync + Send,
 ) -> Result<Surface, Error> {
     let projector = Projector::new(hull);
     let quanta = Quanta::of(cloud);
@@ -82,13 +82,14 @@ pub fn project(
             let deposit = quanta.deposit(ray);
             squares[0] += ray.radiant_w * ray.radiant_w;
             squares[1] += ray.luminous_lm * ray.luminous_lm;
-            let Some(landing) = projector.land(ray) else {
+            let landing = projector.land(ray);
+            laid(ray, landing.as_ref(), &deposit);
+            let Some(landing) = landing else {
                 met[REJECTED].gather(&deposit);
                 continue;
             };
             met[if landing.fate == Fate::Hit { HIT } else { SNAPPED }].gather(&deposit);
             triangles.add(landing.triangle, &deposit);
-            landed(ray, &landing, &deposit);
             for (vertex, part) in hull.triangles[landing.triangle].iter().zip(deposit.split(landing.shares)) {
                 vertices.add(*vertex as usize, &part);
             }
@@ -103,7 +104,7 @@ pub fn project(
     let mut balance = account(cloud, &fates.amounts(), &triangles, &vertices);
     if options.smooths() {
         watch.step(0.9)?;
-        exitance::smooth(hull, &mut vertices, &ray, cloud.spectral());
+        exitance::smooth(hull, &mut vertices, &ray, cloud.spectral(), watch.part(0.9, 1.0))?;
     }
     balance.after_smoothing = vertices.total();
     Ok(Surface { notices: notices(&balance), triangles, vertices, ray, balance })

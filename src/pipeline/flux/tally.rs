@@ -89,13 +89,14 @@ impl Deposit {
     }
 
     /// Splits by `shares` (not negative, sum 1) without losing a quantum: the last part takes what the others leave.
-    pub fn split(&self, shares: [f64; 3]) -> [Deposit; 3] {
-        let mut parts = [*self; 3];
+    pub fn split<const N: usize>(&self, shares: [f64; N]) -> [Deposit; N] {
+        let mut parts = [*self; N];
         let mut cut = |whole: u64, put: &dyn Fn(&mut Deposit, u64)| {
-            let first = quanta(whole as f64 * shares[0]).min(whole);
-            let second = quanta(whole as f64 * shares[1]).min(whole - first);
-            for (part, value) in parts.iter_mut().zip([first, second, whole - first - second]) {
+            let mut left = whole;
+            for (k, (part, share)) in parts.iter_mut().zip(shares).enumerate() {
+                let value = if k + 1 == N { left } else { quanta(whole as f64 * share).min(left) };
                 put(part, value);
+                left -= value;
             }
         };
         for slot in 0..FIXED {

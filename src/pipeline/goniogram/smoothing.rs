@@ -1,7 +1,7 @@
 //! From counts to angular distributions: the whole source's from a prior of even radiance, each zone's from the whole's radiance.
 
 use super::sphere::SphereGrid;
-use crate::smoothing::{Edge, Levels, Refined, refine};
+use crate::smoothing::{Edge, Levels, Refined, Sharing, refine};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
@@ -70,10 +70,10 @@ impl<'a> Directions<'a> {
             }
         }
         let spacing = (4.0 * PI / points.len() as f64).sqrt();
-        let levels = Levels::new(&points, &vec![0; points.len()], &edges, spacing, false);
+        let levels = Levels::new(&points, &vec![0; points.len()], &edges, spacing, Sharing::None);
         let gammas: Vec<DVec3> = (0..=last).map(|k| DVec3::new(0.0, 0.0, k as f64 * dg)).collect();
         let steps: Vec<Edge> = (0..last as u32).map(|k| (k, k + 1, ((f64::from(k) + 0.5) * dg).sin())).collect();
-        let rings = Levels::new(&gammas, &vec![0; last + 1], &steps, dg, false);
+        let rings = Levels::new(&gammas, &vec![0; last + 1], &steps, dg, Sharing::None);
         Directions { grid, levels, rings, solid_angles_sr: grid.cell_solid_angles_sr() }
     }
 

@@ -14,13 +14,34 @@ use crate::vocabulary::watch::StageWatch;
 /// Rays of a sample in one chunk.
 const CHUNK_RAYS: usize = 4096;
 
-/// The rays of a source, or of a sample of it, and the surface they are slid to.
+/// Where the light of a source is put.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Carrier {
+    /// The hull of the origins.
+    Origins,
+    /// A focal surface, to which rays that fit are slid.
+    Focal(FocalPatch),
+    /// The volume in which the rays start; the hull round it has the same light for programs that know only surfaces.
+    Volume,
+}
+
+impl Carrier {
+    /// The focal surface, where it is one.
+    pub fn patch(self) -> Option<FocalPatch> {
+        match self {
+            Carrier::Focal(patch) => Some(patch),
+            Carrier::Origins | Carrier::Volume => None,
+        }
+    }
+}
+
+/// The rays of a source, or of a sample of it, and where their light is put.
 #[derive(Clone, Copy)]
 pub struct Cloud<'a> {
     /// The source.
     pub source: &'a Source,
-    /// Where rays that fit are slid to; `None`: every origin is an emission point.
-    pub patch: Option<FocalPatch>,
+    /// Where the light is put.
+    pub carrier: Carrier,
     /// Rays that stand for all; `None`: all.
     sample: Option<&'a Sampled>,
     /// Only the primary quantity of a sample is looked at.
@@ -37,13 +58,13 @@ pub struct Sampled {
 
 impl<'a> Cloud<'a> {
     /// All rays of `source`.
-    pub fn new(source: &'a Source, patch: Option<FocalPatch>) -> Cloud<'a> {
-        Cloud { source, patch, sample: None, is_plain: false }
+    pub fn new(source: &'a Source, carrier: Carrier) -> Cloud<'a> {
+        Cloud { source, carrier, sample: None, is_plain: false }
     }
 
     /// Rays that stand for all of `source`.
-    pub fn sampled(source: &'a Source, sample: &'a Sampled, patch: Option<FocalPatch>) -> Cloud<'a> {
-        Cloud { source, patch, sample: Some(sample), is_plain: false }
+    pub fn sampled(source: &'a Source, sample: &'a Sampled, carrier: Carrier) -> Cloud<'a> {
+        Cloud { source, carrier, sample: Some(sample), is_plain: false }
     }
 
     /// The flux of the source, in each quantity that is looked at.
@@ -67,8 +88,8 @@ impl<'a> Cloud<'a> {
     /// The same rays without their images.
     #[must_use]
     pub fn without_images(self) -> Cloud<'a> {
-        let patch = self.patch.map(|patch| FocalPatch { symmetry: Symmetry::None, ..patch });
-        Cloud { patch, ..self }
+        let alone = |patch: FocalPatch| Carrier::Focal(FocalPatch { symmetry: Symmetry::None, ..patch });
+        Cloud { carrier: self.carrier.patch().map_or(self.carrier, alone), ..self }
     }
 
     /// The same rays, all of one quantity and without their spectrum, where they are a sample.
@@ -77,9 +98,14 @@ impl<'a> Cloud<'a> {
         Cloud { is_plain: true, ..self }
     }
 
+    /// The rays of a sample; none where the cloud is of all rays.
+    pub fn sampled_rays(&self) -> &'a [Ray] {
+        self.sample.map_or(&[], |sample| &sample.rays)
+    }
+
     /// Images of each ray that a pass shows, itself included: a power of two.
     pub fn images(&self) -> usize {
-        self.patch.map_or(1, |patch| patch.symmetry.images())
+        self.carrier.patch().map_or(1, |patch| patch.symmetry.images())
     }
 
     /// Box of the origins, mm.
@@ -101,7 +127,7 @@ impl<'a> Cloud<'a> {
         work: impl Fn(&[Ray]) -> Result<T, Error> + Sync + Send,
         mut merge: impl FnMut(&mut A, T),
     ) -> Result<A, Error> {
-        let work = |rays: &[Ray]| match self.patch.filter(|patch| patch.symmetry != Symmetry::None) {
+        let work = |rays: &[Ray]| match self.carrier.patch().filter(|patch| patch.symmetry != Symmetry::None) {
             Some(patch) => work(&patch.images(rays)),
             None => work(rays),
         };

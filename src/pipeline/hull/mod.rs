@@ -42,8 +42,8 @@ mod tests;
 mod covariance;
 
 use crate::options::HullOptions;
-pub use cloud::Cloud;
 use cloud::Pass;
+pub use cloud::{Carrier, Cloud};
 pub use mesh::{Hull, Label};
 
 use crate::error::Error;
@@ -61,7 +61,7 @@ const MAX_EDGE_DIAGONALS: f64 = 4.0;
 /// # Errors
 /// [`Error::Unusable`] for options out of range; [`Error::Refused`] above [`Limits::max_lattice_cells`]; [`Error::Cancelled`].
 pub fn wrap(cloud: &Cloud<'_>, options: &HullOptions, limits: &Limits, watch: StageWatch<'_>) -> Result<Hull, Error> {
-    let Some(patch) = cloud.patch else {
+    let Some(patch) = cloud.carrier.patch() else {
         let pass = |watch: StageWatch<'_>, visit: &(dyn Fn(&[Ray]) + Sync)| {
             let visit_chunk = |rays: &[Ray]| {
                 visit(rays);

@@ -1,10 +1,14 @@
-//! The model evaluated: L = M(x) q(ω; x) / |cos θ| (`pipeline/README.md` 5).
+//! The model evaluated: L = M(x) q(ω; x) / |cos θ|, of a volume L = q(ω) ∫ j ds (`pipeline/README.md` 5).
 //!
 //! M is the exitance, linear over each triangle between the vertices' M_l = ρ_l / A_l; q mixes the zones' normalised goniograms by
 //! the zone weights of the triangle's corners, as M is mixed. Another program that reads only emitter.glb and
 //! goniograms.json computes the same; `openapi/README.md` has the formulas.
 
 use super::Model;
+use crate::flux::Amounts;
+use crate::goniogram::Goniogram;
+use crate::volume::Volume;
+use crate::volume::lattice::AT_GAUSS;
 use glam::DVec3;
 
 /// Which of the two systems.
@@ -25,6 +29,37 @@ pub struct Evaluator<'a> {
     goniograms: Vec<(&'a [f64], f64)>,
     /// Per zone: ∫ M w dA, flux.
     zone_flux: Vec<f64>,
+    in_volume: Option<InVolume<'a>>,
+}
+
+/// What is needed of a volume.
+struct InVolume<'a> {
+    volume: &'a Volume,
+    /// Emission coefficient j of each node, integrated over all directions, flux per mm³.
+    density: Vec<f64>,
+    /// The whole source's `[c][gamma]` values and their integral over the sphere.
+    goniogram: (&'a [f64], f64),
+    flux: f64,
+}
+
+/// Flux of sites in `quantity`.
+fn flux_of(sites: &Amounts, quantity: Quantity) -> Option<&Vec<f64>> {
+    match quantity {
+        Quantity::Radiant => sites.radiant_w.as_ref(),
+        Quantity::Luminous => sites.luminous_lm.as_ref(),
+    }
+}
+
+/// Intensities at the nodes in `quantity`.
+fn intensities_of(goniogram: &Goniogram, quantity: Quantity) -> Option<&Vec<f64>> {
+    match quantity {
+        Quantity::Radiant => goniogram.radiant_w_per_sr.as_ref(),
+        Quantity::Luminous => goniogram.luminous_cd.as_ref(),
+    }
+}
+
+fn per(flux: &[f64], measures: &[f64]) -> Vec<f64> {
+    flux.iter().zip(measures).map(|(flux, measure)| if *measure > 0.0 { flux / measure } else { 0.0 }).collect()
 }
 
 impl<'a> Evaluator<'a> {
@@ -35,22 +70,21 @@ impl<'a> Evaluator<'a> {
 
     /// `None` where the model does not know the quantity.
     pub fn new(model: &'a Model, quantity: Quantity) -> Option<Evaluator<'a>> {
-        let vertices = &model.surface.vertices;
-        let flux = match quantity {
-            Quantity::Radiant => vertices.radiant_w.as_ref()?,
-            Quantity::Luminous => vertices.luminous_lm.as_ref()?,
+        let exitance = per(flux_of(&model.surface.vertices, quantity)?, &model.hull.vertex_areas_mm2());
+        let normalised = |goniogram: &'a Goniogram| {
+            let nodes = intensities_of(goniogram, quantity)?;
+            Some((nodes.as_slice(), model.goniograms.grid.integral(nodes)))
         };
-        let per_area = |(flux, area): (&f64, f64)| if area > 0.0 { flux / area } else { 0.0 };
-        let exitance: Vec<f64> = flux.iter().zip(model.hull.vertex_areas_mm2()).map(per_area).collect();
-        let mut goniograms = Vec::new();
-        for zone in &model.goniograms.zones {
-            let nodes = match quantity {
-                Quantity::Radiant => zone.goniogram.radiant_w_per_sr.as_ref()?,
-                Quantity::Luminous => zone.goniogram.luminous_cd.as_ref()?,
-            };
-            goniograms.push((nodes.as_slice(), model.goniograms.grid.integral(nodes)));
-        }
-        let mut evaluator = Evaluator { model, exitance, zone_flux: vec![0.0; goniograms.len()], goniograms };
+        let zones = model.goniograms.zones.iter().map(|zone| normalised(&zone.goniogram));
+        let goniograms = zones.collect::<Option<Vec<_>>>()?;
+        let in_volume = |volume: &'a Volume| {
+            let flux = flux_of(&volume.nodes, quantity)?;
+            let density = per(flux, &volume.volumes_mm3);
+            Some(InVolume { volume, density, goniogram: normalised(&model.goniograms.total)?, flux: flux.iter().sum() })
+        };
+        let in_volume = model.volume.as_ref().and_then(in_volume);
+        let zone_flux = vec![0.0; goniograms.len()];
+        let mut evaluator = Evaluator { model, exitance, zone_flux, goniograms, in_volume };
         for triangle in 0..model.hull.triangles.len() {
             // ∫ of a product of two linear functions over a triangle is A/12 (Σ a_i b_i + Σ a_i Σ b_i); b is 1 at the zone's corners.
             let corners = model.hull.triangles[triangle].map(|vertex| vertex as usize);
@@ -68,6 +102,16 @@ impl<'a> Evaluator<'a> {
     /// The intensities of a zone at the nodes, `[c][gamma]`.
     pub fn nodes(&self, zone: usize) -> &'a [f64] {
         self.goniograms[zone].0
+    }
+
+    /// The intensities of a volume at the nodes, `[c][gamma]`; `None` of a surface.
+    pub fn nodes_of_volume(&self) -> Option<&'a [f64]> {
+        self.in_volume.as_ref().map(|inside| inside.goniogram.0)
+    }
+
+    /// Emission coefficient j of a node of a volume, integrated over all directions, flux/mm³; 0 of a surface.
+    pub fn density(&self, node: usize) -> f64 {
+        self.in_volume.as_ref().map_or(0.0, |inside| inside.density[node])
     }
 
     /// Exitance M at the point of `triangle` with barycentric `shares`, flux/mm².
@@ -88,11 +132,22 @@ impl<'a> Evaluator<'a> {
     }
 
     fn zone_distribution(&self, zone: usize, c: f64, gamma: f64) -> f64 {
-        let (nodes, integral) = self.goniograms[zone];
+        self.normalised(self.goniograms[zone], c, gamma)
+    }
+
+    fn normalised(&self, (nodes, integral): (&[f64], f64), c: f64, gamma: f64) -> f64 {
         if integral > 0.0 { self.model.goniograms.grid.interpolate(nodes, c, gamma) / integral } else { 0.0 }
     }
 
-    /// Radiance L of a point in unit `direction`, flux/(mm² sr); 0 along the surface, where it has no meaning.
+    /// Radiance of a volume along the line through a point in unit `direction`, flux/(mm² sr); `None` of a surface.
+    pub fn radiance_along(&self, point_mm: DVec3, direction: DVec3) -> Option<f64> {
+        let inside = self.in_volume.as_ref()?;
+        let (c, gamma) = self.model.goniograms.frame.angles(direction);
+        let path = inside.volume.lattice.integral(point_mm, direction, &inside.density);
+        Some(self.normalised(inside.goniogram, c, gamma) * path)
+    }
+
+    /// Radiance L of a point of the surface in unit `direction`, flux/(mm² sr); 0 along the surface, where it has no meaning.
     pub fn radiance(&self, triangle: usize, shares: [f64; 3], direction: DVec3) -> f64 {
         let cosine = direction.dot(self.model.hull.normal(triangle)).abs();
         if cosine > 0.0 {
@@ -105,13 +160,19 @@ impl<'a> Evaluator<'a> {
     /// Intensity of the whole source in unit `direction`, flux/sr.
     pub fn intensity(&self, direction: DVec3) -> f64 {
         let (c, gamma) = self.model.goniograms.frame.angles(direction);
+        if let Some(inside) = &self.in_volume {
+            return inside.flux * self.normalised(inside.goniogram, c, gamma);
+        }
         self.zone_flux.iter().enumerate().map(|(zone, flux)| flux * self.zone_distribution(zone, c, gamma)).sum()
     }
 
     /// Irradiance or illuminance at `point_mm` on a plane with unit `normal`, flux/mm²: E = ∫ M q cos θ′ / r² dA by the three-point
     /// rule on each triangle (exact to second order; the point must be some triangles away from the surface). Nothing is
-    /// shadowed: rays of a ray set have already left.
+    /// shadowed: rays of a ray set have already left. Of a volume E = ∫ j q cos θ′ / r² dV by the eight-point rule on each cell.
     pub fn irradiance(&self, point_mm: DVec3, normal: DVec3) -> f64 {
+        if let Some(inside) = &self.in_volume {
+            return self.irradiance_of(inside, point_mm, normal);
+        }
         let hull = &self.model.hull;
         let mut sum = 0.0;
         for triangle in 0..hull.triangles.len() {
@@ -125,6 +186,27 @@ impl<'a> Evaluator<'a> {
                 if cosine > 0.0 {
                     let from = self.exitance(triangle, shares) * self.distribution(triangle, shares, direction);
                     sum += hull.area_mm2(triangle) / 3.0 * from * cosine / (distance_mm * distance_mm);
+                }
+            }
+        }
+        sum
+    }
+
+    fn irradiance_of(&self, inside: &InVolume<'_>, point_mm: DVec3, normal: DVec3) -> f64 {
+        let lattice = &inside.volume.lattice;
+        let part_mm3 = lattice.pitch_mm.element_product() / 8.0;
+        let mut sum = 0.0;
+        for cell in lattice.lit_cells() {
+            for corner in 0..8_usize {
+                let at: [f64; 3] = std::array::from_fn(|axis| AT_GAUSS[corner >> axis & 1]);
+                let to_point = point_mm - lattice.point_mm(cell, at);
+                let (distance_mm, direction) = (to_point.length(), to_point.normalize_or_zero());
+                let cosine = -direction.dot(normal);
+                if cosine > 0.0 {
+                    let (c, gamma) = self.model.goniograms.frame.angles(direction);
+                    let density = lattice.interpolate(cell, at, &inside.density);
+                    let from = density * self.normalised(inside.goniogram, c, gamma);
+                    sum += part_mm3 * from * cosine / (distance_mm * distance_mm);
                 }
             }
         }

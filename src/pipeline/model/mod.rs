@@ -16,13 +16,14 @@ use crate::flux::project::Landing;
 use crate::flux::tally::Deposit;
 use crate::flux::{self, Surface};
 use crate::goniogram::{self, Goniograms};
-use crate::hull::{self, Cloud, Hull};
+use crate::hull::{self, Carrier, Cloud, Hull};
 use crate::options::{Options, ZoneLayout};
 use crate::source::{Ray, Spectral};
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notice;
 use crate::vocabulary::units::Flux;
 use crate::vocabulary::watch::{Stage, StageWatch};
+use crate::volume::{self, Volume};
 use channel::Origin;
 use study::Study;
 
@@ -41,6 +42,8 @@ pub struct Model {
     pub surface: Surface,
     /// Zones and goniograms.
     pub goniograms: Goniograms,
+    /// The same light in the volume that it comes from, where that is better than its surface: then this is the model.
+    pub volume: Option<Volume>,
     /// How its surface was chosen, and how good it is; `None` where that was not looked into.
     pub study: Option<Study>,
     /// Everything noticed on the way, in stage order.
@@ -62,12 +65,26 @@ impl Model {
     ) -> Result<Model, Error> {
         let hull = hull::wrap(cloud, &options.hull, limits, watch(Stage::Hull)?)?;
         let flux_stage = watch(Stage::Flux)?;
+        let sample = pilot.unwrap_or(cloud).sampled_rays();
+        let in_volume = (cloud.carrier == Carrier::Volume)
+            .then(|| volume::plan(cloud, sample, limits, flux_stage.part(0.0, 0.0)))
+            .transpose()?;
         let pilot = pilot.filter(|_| options.goniogram.zoning() == ZoneLayout::Auto).unwrap_or(cloud);
         let sketch = flux::project(pilot, &hull, &options.flux, limits, flux_stage.part(0.0, 0.3), |_, _, _| ())?;
         let rays = cloud.ray_count() as f64 / pilot.ray_count().max(1) as f64;
         let plan = goniogram::plan(cloud, &hull, &sketch.of_more_rays(rays), &options.goniogram, limits)?;
-        let add = |ray: &Ray, landing: &Landing, deposit: &Deposit| plan.add(&hull, ray, landing, deposit);
+        let add = |ray: &Ray, landing: Option<&Landing>, deposit: &Deposit| {
+            if let Some(landing) = landing {
+                plan.add(&hull, ray, landing, deposit);
+            }
+            if let Some(volume) = &in_volume {
+                volume.add(ray, deposit);
+            }
+        };
         let surface = flux::project(cloud, &hull, &options.flux, limits, flux_stage.part(0.3, 1.0), add)?;
+        let volume = in_volume
+            .map(|plan| plan.measure(cloud, &surface.ray, &options.flux, flux_stage.part(1.0, 1.0)))
+            .transpose()?;
         let goniograms = plan.measure(cloud, &hull, &surface, &options.goniogram, watch(Stage::Goniogram)?)?;
         let source = cloud.source;
         let stages = [&source.findings, &source.notices, &hull.notices, &surface.notices, &goniograms.notices];
@@ -81,6 +98,7 @@ impl Model {
             hull,
             surface,
             goniograms,
+            volume,
             study: None,
             notices,
         })

@@ -11,9 +11,11 @@ use std::f64::consts::{PI, TAU};
 /// Draws rays of equal flux.
 pub struct Sampler<'a> {
     model: &'a Model,
-    /// Flux below each corner of each triangle, running.
+    /// Flux below each corner of each triangle, running; of a volume at each corner of each lit cell.
     corners: Vec<f64>,
-    /// For each zone the flux into the surroundings of each node, running.
+    /// Of a volume: its lit cells.
+    cells: Vec<usize>,
+    /// For each zone, or for a volume, the flux into the surroundings of each node, running.
     zones: Vec<Vec<f64>>,
     /// Of the light round a node of γ, the part on the side of smaller γ.
     below: Vec<f64>,
@@ -23,9 +25,17 @@ impl<'a> Sampler<'a> {
     /// Of the quantity that `evaluator` evaluates.
     pub fn new(model: &'a Model, evaluator: &Evaluator<'_>) -> Sampler<'a> {
         let (hull, grid) = (&model.hull, &model.goniograms.grid);
-        let mut corners = Vec::with_capacity(3 * hull.triangles.len());
+        let mut corners = Vec::new();
         let mut sum = 0.0;
-        for triangle in 0..hull.triangles.len() {
+        let cells: Vec<usize> = model.volume.iter().flat_map(|volume| volume.lattice.lit_cells()).collect();
+        for (volume, cell) in model.volume.iter().flat_map(|volume| cells.iter().map(move |cell| (volume, cell))) {
+            for node in volume.lattice.corners(*cell) {
+                sum += evaluator.density(node as usize);
+                corners.push(sum);
+            }
+        }
+        let on_surface = if model.volume.is_some() { 0 } else { hull.triangles.len() };
+        for triangle in 0..on_surface {
             let area_mm2 = hull.area_mm2(triangle);
             for corner in 0..3 {
                 let mut shares = [0.0; 3];
@@ -35,16 +45,19 @@ impl<'a> Sampler<'a> {
             }
         }
         let weights_sr = grid.interpolation_weights_sr();
-        let running = |zone: usize| {
+        let running = |nodes: &[f64]| {
             let mut sum = 0.0;
             let add = |(node, intensity): (usize, &f64)| {
                 sum += intensity * weights_sr[node % weights_sr.len()];
                 sum
             };
-            evaluator.nodes(zone).iter().enumerate().map(add).collect()
+            nodes.iter().enumerate().map(add).collect()
         };
-        let zones = (0..model.goniograms.zones.len()).map(running).collect();
-        Sampler { model, corners, zones, below: below(grid) }
+        let zones = match evaluator.nodes_of_volume() {
+            Some(nodes) => vec![running(nodes)],
+            None => (0..model.goniograms.zones.len()).map(|zone| running(evaluator.nodes(zone))).collect(),
+        };
+        Sampler { model, corners, cells, zones, below: below(grid) }
     }
 
     /// Point and direction of a ray; `None` of a dark model.
@@ -52,6 +65,14 @@ impl<'a> Sampler<'a> {
         let total = *self.corners.last().filter(|total| **total > 0.0)?;
         let wanted = total * uniform(random);
         let corner = self.corners.partition_point(|running| *running <= wanted).min(self.corners.len() - 1);
+        if let Some(volume) = &self.model.volume {
+            // Shares of a corner fall from 1 to 0 along each axis: the smaller of two even numbers.
+            let at = std::array::from_fn(|axis| {
+                let nearer = uniform(random).min(uniform(random));
+                if corner >> axis & 1 == 1 { 1.0 - nearer } else { nearer }
+            });
+            return Some((volume.lattice.point_mm(self.cells[corner / 8], at), self.direction(0, random)?));
+        }
         let (triangle, corner) = (corner / 3, corner % 3);
         // A point of density p of the corner: barycentric coordinates distributed as Dirichlet (2, 1, 1).
         let mut shares = [0.0; 3].map(|_: f64| exponential(random));

@@ -1,6 +1,6 @@
 //! How the surface of a model was chosen, and how good a model of the same source made of a part of its rays is, judged by the others.
 
-use crate::hull::focal::FocalPatch;
+use crate::hull::Carrier;
 use crate::vocabulary::notice::Notices;
 use crate::writing::number::text;
 use std::fmt;
@@ -27,8 +27,8 @@ pub struct Study {
 /// A surface that was tried.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
-    /// Where rays are slid to; `None`: they keep their origins.
-    pub patch: Option<FocalPatch>,
+    /// Where the light is put.
+    pub carrier: Carrier,
     /// Mean logarithm of the radiance that its model gives to the lines of the rays held out, their flux 1, mm and sr.
     pub log_radiance: f64,
     /// By how much that is more than that of the best candidate before it, and the standard error of this; `None` of the first.
@@ -36,19 +36,24 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// What kind of surface it is.
+    /// What kind of surface it is, or a volume.
     pub fn surface(&self) -> &'static str {
-        match self.patch {
-            None => "origins",
-            Some(patch) if patch.surface.curvature_per_mm == 0.0 => "plane",
-            Some(_) => "sphere",
+        match self.carrier {
+            Carrier::Origins => "origins",
+            Carrier::Focal(patch) if patch.surface.curvature_per_mm == 0.0 => "plane",
+            Carrier::Focal(_) => "sphere",
+            Carrier::Volume => "volume",
         }
     }
 }
 
 impl fmt::Display for Candidate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Some(patch) = self.patch else { return write!(f, "where the rays start") };
+        let patch = match self.carrier {
+            Carrier::Origins => return write!(f, "hull of where the rays start"),
+            Carrier::Volume => return write!(f, "volume in which the rays start"),
+            Carrier::Focal(patch) => patch,
+        };
         let apex = patch.surface.apex_mm.to_array().map(|at| text(at, 4)).join(", ");
         write!(f, "{} through ({apex}) mm", self.surface())?;
         match patch.symmetry.mirrors() {

@@ -18,6 +18,28 @@ const FEWEST: usize = 4;
 /// Most levels: 2²⁴ times the spacing.
 const MOST_LEVELS: usize = 24;
 
+/// How an amount that was counted is shared by the sites round it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sharing {
+    /// It belongs to one site.
+    None,
+    /// By barycentric coordinates among the corners of a triangle.
+    ThreeCorners,
+    /// By products of distances among the corners of a cell of a lattice.
+    EightCorners,
+}
+
+impl Sharing {
+    /// Mean of the sum of the squares of the shares.
+    fn noise(self) -> f64 {
+        match self {
+            Sharing::None => 1.0,
+            Sharing::ThreeCorners => 0.5,
+            Sharing::EightCorners => 8.0 / 27.0,
+        }
+    }
+}
+
 /// An undirected edge: two sites and how strongly they are joined.
 pub type Edge = (u32, u32, f64);
 
@@ -118,9 +140,9 @@ pub struct Scale {
 }
 
 impl Levels {
-    /// Levels of sites at `points` whose typical distance is `spacing`. Sites whose `kinds` differ share no cluster. `shared`: an
-    /// amount is shared by the sites round it, as a ray's by the corners of its triangle; otherwise it belongs to one site.
-    pub fn new(points: &[DVec3], kinds: &[u32], edges: &[Edge], spacing: f64, shared: bool) -> Levels {
+    /// Levels of sites at `points` whose typical distance is `spacing`. Sites whose `kinds` differ share no cluster.
+    pub fn new(points: &[DVec3], kinds: &[u32], edges: &[Edge], spacing: f64, sharing: Sharing) -> Levels {
+        let shared = sharing != Sharing::None;
         let own: Vec<u32> = (0..points.len() as u32).collect();
         let mut levels = vec![Level::new(own.clone(), own, points, edges, shared)];
         let mut edges = edges.to_vec();
@@ -146,7 +168,7 @@ impl Levels {
             }
             levels.push(coarser);
         }
-        Levels { levels, own_noise: if shared { 0.5 } else { 1.0 } }
+        Levels { levels, own_noise: sharing.noise() }
     }
 
     /// From coarse to fine.

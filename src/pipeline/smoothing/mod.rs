@@ -8,7 +8,7 @@
 /// Neighbouring sites, and the same sites in ever larger clusters.
 mod levels;
 
-pub use levels::{Edge, Levels};
+pub use levels::{Edge, Levels, Sharing};
 
 /// How much more than expected noise must explain before a difference counts: 1 follows noise where the true ratio is flat, 2 blurs.
 const CAUTION: f64 = 1.5;
@@ -85,7 +85,7 @@ mod tests {
         let right = (0..side * side).filter(|k| k % side + 1 < side).map(|k| (k, k + 1, 1.0));
         let down = (0..side * side).filter(|k| k / side + 1 < side).map(|k| (k, k + side, 1.0));
         let edges: Vec<Edge> = right.chain(down).collect();
-        Levels::new(&points, &vec![0; points.len()], &edges, 1.0, false)
+        Levels::new(&points, &vec![0; points.len()], &edges, 1.0, Sharing::None)
     }
 
     /// Numbers that scatter like counts of `mean` rays: ± √mean by a fixed pattern.
@@ -139,10 +139,10 @@ mod tests {
     /// A single site, sites without neighbours, two kinds side by side.
     #[test]
     fn odd_graphs_are_levels_too() {
-        let alone = Levels::new(&[DVec3::ZERO], &[0], &[], 1.0, true);
+        let alone = Levels::new(&[DVec3::ZERO], &[0], &[], 1.0, Sharing::ThreeCorners);
         assert_eq!(refine(&alone, &[3.0], &[1.0], 1.0).amounts, [3.0]);
         let points = [DVec3::ZERO, DVec3::X, 5.0 * DVec3::X, 6.0 * DVec3::X];
-        let apart = Levels::new(&points, &[0, 0, 1, 1], &[(0, 1, 1.0), (2, 3, 1.0)], 1.0, true);
+        let apart = Levels::new(&points, &[0, 0, 1, 1], &[(0, 1, 1.0), (2, 3, 1.0)], 1.0, Sharing::ThreeCorners);
         let found = refine(&apart, &[900.0, 900.0, 100.0, 100.0], &[1.0; 4], 1.0).amounts;
         assert!(found[0] > 850.0 && found[3] < 150.0, "{found:?}");
     }
