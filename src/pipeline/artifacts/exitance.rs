@@ -1,6 +1,7 @@
 //! Exitance at the vertices and the colour it shows: M_l = flux_l / A_l, A_l a third of the areas of the vertex's triangles.
 //! Linear interpolation of M over the mesh integrates to the flux exactly (`pipeline/README.md` 3).
 
+use crate::flux::Amounts;
 use crate::model::Model;
 use crate::source::Columns;
 use crate::vocabulary::spectrum::{color_matching, linear_srgb};
@@ -24,57 +25,63 @@ pub fn exitance(model: &Model) -> Exitance {
         (None, Some(radiant)) => (radiant.as_slice(), "W/mm²"),
         (None, None) => (&[][..], "W/mm²"),
     };
-    Exitance { values: areas.iter().zip(flux).map(|(area, flux)| per_area(*flux, *area)).collect(), unit }
+    Exitance { values: areas.iter().zip(flux).map(|(area, flux)| per_measure(*flux, *area)).collect(), unit }
 }
 
-fn per_area(flux: f64, area_mm2: f64) -> f64 {
-    if area_mm2 > 0.0 { flux / area_mm2 } else { 0.0 }
+fn per_measure(flux: f64, measure: f64) -> f64 {
+    if measure > 0.0 { flux / measure } else { 0.0 }
 }
 
 /// Colours for a preview, and what they stand for.
 pub struct Colors {
-    /// Linear sRGB per vertex, 0..=1: one global maximum is 1, negative components (outside the gamut) are 0.
+    /// Linear sRGB per site, 0..=1: one global maximum is 1, negative components (outside the gamut) are 0.
     pub linear_srgb: Vec<[f32; 3]>,
     /// cd/m² that a relative luminance (0.2126 R + 0.7152 G + 0.0722 B) of 1 stands for, if the surface were Lambertian: M/π.
     /// `None` where luminous flux is unknown.
     pub luminance_scale_cd_m2: Option<f64>,
 }
 
-/// The colour of each vertex's exitance: from its spectrum or its tristimulus, grey where neither is known or all is invisible.
+/// The colour of each vertex's exitance.
 pub fn colors(model: &Model) -> Colors {
-    let exitance = exitance(model);
-    let chromatic: Vec<[f64; 3]> = tristimulus_exitance(model, &exitance).into_iter().map(linear_srgb).collect();
+    colors_of(model, &model.surface.vertices, &model.hull.vertex_areas_mm2())
+}
+
+/// The colour of the flux of sites per measure (area, volume): from their spectra or tristimulus, grey where neither is known or all is
+/// invisible.
+pub fn colors_of(model: &Model, sites: &Amounts, measures: &[f64]) -> Colors {
+    let flux = sites.luminous_lm.as_ref().or(sites.radiant_w.as_ref()).map_or(&[][..], Vec::as_slice);
+    let density: Vec<f64> = flux.iter().zip(measures).map(|(flux, measure)| per_measure(*flux, *measure)).collect();
+    let chromatic: Vec<[f64; 3]> = tristimulus(model, sites, measures, &density).into_iter().map(linear_srgb).collect();
     let is_visible = chromatic.iter().flatten().any(|component| *component > 0.0);
-    let rgb = if is_visible { chromatic } else { exitance.values.iter().map(|value| [*value; 3]).collect() };
+    let rgb = if is_visible { chromatic } else { density.iter().map(|value| [*value; 3]).collect() };
     let max = rgb.iter().flatten().copied().fold(0.0, f64::max);
     let scale = if max > 0.0 { max } else { 1.0 };
     Colors {
         linear_srgb: rgb.iter().map(|rgb| rgb.map(|component| (component / scale).clamp(0.0, 1.0) as f32)).collect(),
-        luminance_scale_cd_m2: model.surface.vertices.luminous_lm.is_some().then_some(scale * 1e6 / PI),
+        luminance_scale_cd_m2: sites.luminous_lm.is_some().then_some(scale * 1e6 / PI),
     }
 }
 
-/// XYZ of each vertex's exitance, lm/mm² where luminous flux is known; empty without spectrum or tristimulus.
-fn tristimulus_exitance(model: &Model, exitance: &Exitance) -> Vec<[f64; 3]> {
+/// XYZ of the flux of each site per measure, in lumens where luminous flux is known; empty without spectrum or tristimulus.
+fn tristimulus(model: &Model, sites: &Amounts, measures: &[f64], density: &[f64]) -> Vec<[f64; 3]> {
     let observer = observer_per_band(model);
-    let areas = model.hull.vertex_areas_mm2();
-    let of_vertex = |vertex: usize| -> [f64; 3] {
+    let of_site = |site: usize| -> [f64; 3] {
         if model.spectral.columns == Columns::Tristimulus {
-            let columns = model.surface.vertices.columns_of(vertex);
-            return std::array::from_fn(|k| per_area(columns[k], areas[vertex]));
+            let columns = sites.columns_of(site);
+            return std::array::from_fn(|k| per_measure(columns[k], measures[site]));
         }
-        let spectrum = model.vertex_spectrum_w_per_nm(vertex);
+        let spectrum = model.spectral.bands_w_per_nm(sites.columns_of(site));
         let xyz: [f64; 3] = std::array::from_fn(|k| {
             observer.iter().zip(&spectrum).map(|(observer, density)| observer[k] * density).sum()
         });
         // Bands give the hue; the rays, weighted each at its own wavelength, know the luminance better.
-        let known_y = model.surface.vertices.luminous_lm.is_some() && xyz[1] > 0.0;
-        let factor = if known_y { exitance.values[vertex] / xyz[1] } else { per_area(1.0, areas[vertex]) };
+        let known_y = sites.luminous_lm.is_some() && xyz[1] > 0.0;
+        let factor = if known_y { density[site] / xyz[1] } else { per_measure(1.0, measures[site]) };
         xyz.map(|component| component * factor)
     };
     match model.spectral.columns {
         Columns::None => Vec::new(),
-        _ => (0..model.hull.vertices_mm.len()).map(of_vertex).collect(),
+        _ => (0..sites.len()).map(of_site).collect(),
     }
 }
 

@@ -168,6 +168,19 @@ impl Grids {
         });
     }
 
+    /// What a volume sends, its light in all directions alike as far as the rays do not say otherwise; `None` without zones.
+    pub fn of_volume(&self, zones: &[Measured], smooths: bool, ray: &Flux, spectrum: &Spectral) -> Option<Measured> {
+        let mut whole = sum(zones)?;
+        if smooths {
+            let (fine, coarse) = (Directions::new(&self.fine), Directions::new(&self.spectral));
+            let refined = fine.from_even(whole.fine.primary(), ray.primary());
+            whole.smooth(&fine, refined, ray);
+            let column_ray = if spectrum.has_bands() { ray.primary() } else { ray.luminous_lm.unwrap_or(0.0) };
+            self.smooth_columns(&mut whole, &coarse, column_ray);
+        }
+        Some(whole)
+    }
+
     /// The columns of a zone in each spectral cell: of the intensity there the shares that the rays of the cell's surroundings have.
     fn smooth_columns(&self, zone: &mut Measured, coarse: &Directions<'_>, ray: f64) {
         if zone.spectral.is_empty() {
@@ -244,6 +257,14 @@ pub fn most_zones(directions: &DirectionCube, frame: &Frame, gamma_deg: f64, c_d
     (MOST_BYTES / (cells * (LIT_BYTES * share + DARK_BYTES * (1.0 - share)))) as usize
 }
 
+/// What zones send together; `None` without zones.
+pub fn sum(zones: &[Measured]) -> Option<Measured> {
+    let (first, others) = zones.split_first()?;
+    let mut whole = first.clone();
+    others.iter().for_each(|zone| whole.add(zone));
+    Some(whole)
+}
+
 /// What was counted in zones that became one; `zone_of_zone`: the new zone of each.
 pub fn merged(zones: Vec<Measured>, zone_of_zone: &[u32]) -> Vec<Measured> {
     let mut merged: Vec<Measured> = Vec::new();
@@ -292,6 +313,7 @@ fn per_sr(flux: &[f64], grid: &SphereGrid) -> Vec<f64> {
 }
 
 /// What a zone, or several, send into the cells of both grids.
+#[derive(Clone)]
 pub struct Measured {
     /// Rays counted per fine cell, before smoothing.
     counted: Vec<f64>,

@@ -27,7 +27,7 @@ use crate::error::Error;
 use crate::flux::Surface;
 use crate::flux::project::Landing;
 use crate::flux::tally::{Deposit, Quanta, Tally};
-use crate::hull::{Cloud, Hull};
+use crate::hull::{Carrier, Cloud, Hull};
 use crate::source::Ray;
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notices;
@@ -62,7 +62,7 @@ pub struct Goniograms {
     pub zone_of_vertex: Vec<u32>,
     /// Zones and weights of each vertex: what its light is mixed of.
     pub mixtures: Vec<Mixture>,
-    /// The whole source.
+    /// The whole source: the sum of its zones; of a volume, what is found of all its rays together.
     pub total: Goniogram,
     /// What happened on the way.
     pub notices: Notices,
@@ -162,6 +162,10 @@ impl Plan {
         let spectral = spectral.map(Tally::amounts);
         let mut measured = grids.counted(&fine.amounts(), spectral.as_ref());
         drop(spectral);
+        let of_volume = (cloud.carrier == Carrier::Volume)
+            .then(|| grids.of_volume(&measured, options.smooths(), &surface.ray, spectrum))
+            .flatten();
+        watch.step(0.1)?;
         if options.smooths() {
             let normals = zoning.normals(hull, surface);
             let mut estimates = grids.estimates(&measured, &normals, &zoning.kind_of_zone, &surface.ray);
@@ -188,10 +192,7 @@ impl Plan {
         watch.step(1.0)?;
         let zones = zoning.zones.into_iter().zip(&measured);
         let zones = zones.map(|(zone, own)| Zone { goniogram: grids.goniogram(own, spectrum), ..zone }).collect();
-        let whole = measured.into_iter().reduce(|mut whole, zone| {
-            whole.add(&zone);
-            whole
-        });
+        let whole = of_volume.or_else(|| intensity::sum(&measured));
         Ok(Goniograms {
             frame: zoning.frame,
             lattice: zoning.lattice,

@@ -106,6 +106,11 @@ impl<'a> Directions<'a> {
         prior.iter().zip(&ring_of_cell).map(|(amount, ring)| amount * factor(*ring)).collect()
     }
 
+    /// Flux per cell of a source that sends equally into all directions, as far as `counted` does not say otherwise.
+    pub fn from_even(&self, counted: &[f64], ray: f64) -> Refined {
+        self.estimate(counted, &self.turned(counted, &self.solid_angles_sr, ray), ray)
+    }
+
     /// Flux per cell of a source whose cells counted `counted`, from the form `prior`.
     fn estimate(&self, counted: &[f64], prior: &[f64], ray: f64) -> Refined {
         let total: f64 = counted.iter().sum();

@@ -40,7 +40,7 @@ pub(super) struct Node {
 #[derive(Serialize)]
 pub(super) struct Mesh<'a> {
     pub(super) name: &'static str,
-    pub(super) primitives: [Primitive; 1],
+    pub(super) primitives: Vec<Primitive>,
     pub(super) extras: Extras<'a>,
 }
 
@@ -53,7 +53,8 @@ pub(super) struct Extras<'a> {
 #[derive(Serialize)]
 pub(super) struct Primitive {
     pub(super) attributes: BTreeMap<String, usize>,
-    pub(super) indices: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) indices: Option<usize>,
     pub(super) material: usize,
     pub(super) mode: u32,
 }

@@ -11,6 +11,7 @@ use crate::hull::Label;
 use crate::model::Model;
 use crate::options::{Options as RunOptions, Spectra};
 use crate::source::Columns;
+use crate::volume::Volume;
 use crate::writing::number::{Numbers, SUM_DIGITS, rounded, sum};
 use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
@@ -27,6 +28,8 @@ pub const XYZ_LM: &str = "_XYZ_LM";
 pub const ZONES: &str = "_ZONES";
 /// Attribute of the weights of those zones.
 pub const WEIGHTS: &str = "_ZONE_WEIGHTS";
+/// Attribute of the volume that a node of the lattice stands for, mm³.
+pub const VOLUME_MM3: &str = "_VOLUME_MM3";
 
 /// Most spectral numbers that are repeated in extras unasked: 2 million are about 12 MB of text.
 const MOST_INLINE: usize = 2_000_000;
@@ -94,6 +97,9 @@ pub struct Emitter<'a> {
     zones: Vec<ZoneFacts>,
     /// How vertices belong to zones.
     zone_weights: ZoneWeights,
+    /// The volume that the light comes from; null where it comes from the surface. Then the volume is the model, and the surface with its
+    /// zones is the same light once more, for programs that know only surfaces: use one of the two.
+    volume: Option<VolumeFacts>,
     /// The file in the zip that holds the zones' goniograms.
     #[schemars(extend("const" = goniograms::NAME))]
     goniograms: &'static str,
@@ -133,6 +139,7 @@ impl<'a> Emitter<'a> {
                 meaning: "a vertex mixes the distributions of up to four zones by weights that sum to 1; at a point of a \
                           triangle the mixtures of its corners mix by their barycentric coordinates",
             },
+            volume: model.volume.as_ref().map(VolumeFacts::new),
             goniograms: goniograms::NAME,
             provenance: Provenance::new(model, options),
         }
@@ -359,4 +366,51 @@ struct ZoneWeights {
     weights_attribute: &'static str,
     /// The rule in words.
     meaning: &'static str,
+}
+
+/// The nodes of a regular lattice, which are the points of the second primitive: flux_n of each as in the surface's attributes.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+struct VolumeFacts {
+    /// Index of the primitive of the mesh whose points are the nodes.
+    #[schemars(extend("const" = 1))]
+    primitive: usize,
+    /// How fluxes of nodes become emission coefficients.
+    coefficient: &'static str,
+    /// How these and the total goniogram become radiance.
+    radiance: &'static str,
+    /// The glTF attribute with the volume V_n that each node stands for: an eighth of each lit cell round it, mm3.
+    #[schemars(extend("const" = VOLUME_MM3))]
+    volumes_attribute: &'static str,
+    /// Least corner of the lattice, source frame, mm.
+    min_mm: [f64; 3],
+    /// Edges of a cell, mm.
+    #[schemars(inner(range(min = 0)))]
+    pitch_mm: [f64; 3],
+    /// Cells along x, y and z of the source frame.
+    #[schemars(inner(range(min = 1)))]
+    cells: [usize; 3],
+    /// Lengths of the runs of cells that are dark, lit, dark and so on, x counted first, then y, then z; they sum to all cells. Nodes are the
+    /// corners of lit cells in the same order.
+    lit_runs: Vec<usize>,
+}
+
+impl VolumeFacts {
+    fn new(volume: &Volume) -> VolumeFacts {
+        let lattice = &volume.lattice;
+        let runs = lattice.is_lit.chunk_by(|a, b| a == b);
+        let begins_lit = lattice.is_lit.first() == Some(&true);
+        let lit_runs = begins_lit.then_some(0).into_iter().chain(runs.map(<[bool]>::len)).collect();
+        VolumeFacts {
+            primitive: 1,
+            coefficient: "j_n = flux_n / V_n per mm3 into all directions; trilinear between the corners of each lit cell, 0 in dark cells",
+            radiance: "L(x, w, lambda) = q(w; lambda) times the integral of j(s, lambda) ds along the line through x in direction w, \
+                       s in mm, q the total goniogram divided by its integral over the sphere",
+            volumes_attribute: VOLUME_MM3,
+            min_mm: lattice.min_mm.to_array(),
+            pitch_mm: lattice.pitch_mm.to_array(),
+            cells: lattice.cells,
+            lit_runs,
+        }
+    }
 }

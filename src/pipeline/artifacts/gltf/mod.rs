@@ -10,12 +10,14 @@ mod document;
 /// What the attributes mean: `meshes[0].extras.emitter`.
 pub mod emitter;
 
-use super::exitance::{Colors, colors};
+use super::exitance::{Colors, colors, colors_of};
 use super::provenance;
 use crate::error::Error;
+use crate::flux::Amounts;
 use crate::model::Model;
 use crate::options::Options as RunOptions;
 use crate::source::Columns;
+use crate::volume::Volume;
 use crate::writing::Artifact;
 use crate::writing::json::unwritten;
 use buffer::Buffer;
@@ -26,6 +28,9 @@ use std::collections::BTreeMap;
 
 /// Name in the zip.
 pub const NAME: &str = "emitter.glb";
+/// Modes of primitives.
+const POINTS: u32 = 0;
+const TRIANGLES: u32 = 4;
 
 /// The file.
 ///
@@ -35,7 +40,15 @@ pub fn artifact(model: &Model, options: &RunOptions) -> Result<Artifact, Error> 
     let colors = colors(model);
     let mut buffer = Buffer::default();
     let indices = buffer.indices(&model.hull.triangles);
-    let attributes = attributes(model, &colors, &mut buffer, emitter::in_attributes(model, options));
+    let has_spectra = emitter::in_attributes(model, options);
+    let attributes = attributes(model, &colors, &mut buffer, has_spectra);
+    let surface = Primitive { attributes, indices: Some(indices), material: 0, mode: TRIANGLES };
+    let points = model.volume.as_ref().map(|volume| Primitive {
+        attributes: volume_attributes(model, volume, &mut buffer, has_spectra),
+        indices: None,
+        material: 0,
+        mode: POINTS,
+    });
     let document = Document {
         asset: Asset { version: "2.0", generator: provenance::generator() },
         extensions_used: ["KHR_materials_unlit"],
@@ -45,7 +58,7 @@ pub fn artifact(model: &Model, options: &RunOptions) -> Result<Artifact, Error> 
         materials: [Material::default()],
         meshes: [Mesh {
             name: "emitter",
-            primitives: [Primitive { attributes, indices, material: 0, mode: 4 }],
+            primitives: std::iter::once(surface).chain(points).collect(),
             extras: Extras { emitter: Emitter::new(model, options, &colors) },
         }],
         buffers: [BufferEntry { byte_length: buffer.bytes.len() }],
@@ -61,32 +74,19 @@ pub fn gltf_from_source(vector: DVec3) -> DVec3 {
     DVec3::new(vector.x, vector.z, -vector.y)
 }
 
-fn attributes(
-    model: &Model,
-    colors: &Colors,
-    buffer: &mut Buffer,
-    spectra_in_attributes: bool,
-) -> BTreeMap<String, usize> {
-    let vertices = &model.surface.vertices;
-    let vector = |v: DVec3| gltf_from_source(v).to_array().map(|component| component as f32);
-    let mut attributes = BTreeMap::new();
+/// Attributes by name, each the index of its accessor.
+type Attributes = BTreeMap<String, usize>;
+
+fn vector(v: DVec3) -> [f32; 3] {
+    gltf_from_source(v).to_array().map(|component| component as f32)
+}
+
+/// Of the vertices of the surface.
+fn attributes(model: &Model, colors: &Colors, buffer: &mut Buffer, has_spectra: bool) -> Attributes {
+    let points_mm = &model.hull.vertices_mm;
+    let mut attributes = light(model, points_mm, &model.surface.vertices, colors, buffer, has_spectra);
     let mut put = |name: &str, accessor: usize| attributes.insert(name.to_owned(), accessor);
-    put("POSITION", buffer.positions(model.hull.vertices_mm.iter().map(|vertex| vector(*vertex * 1e-3))));
     put("NORMAL", buffer.vectors(model.hull.vertex_normals().into_iter().map(vector)));
-    put("COLOR_0", buffer.vectors(colors.linear_srgb.iter().copied()));
-    if let Some(flux) = &vertices.radiant_w {
-        put(emitter::FLUX_W, buffer.scalars(flux.iter().map(|flux| *flux as f32)));
-    }
-    if let Some(flux) = &vertices.luminous_lm {
-        put(emitter::FLUX_LM, buffer.scalars(flux.iter().map(|flux| *flux as f32)));
-    }
-    if model.spectral.columns == Columns::Tristimulus {
-        let xyz = |vertex| {
-            let columns = vertices.columns_of(vertex);
-            [columns[0] as f32, columns[1] as f32, columns[2] as f32]
-        };
-        put(emitter::XYZ_LM, buffer.vectors((0..vertices.len()).map(xyz)));
-    }
     // Custom attributes may not be unsigned int; floats are exact up to 2^24 zones.
     let mixtures = &model.goniograms.mixtures;
     put(emitter::ZONES, buffer.quadruples(mixtures.iter().map(|mixture| mixture.zones.map(|zone| zone as f32))));
@@ -94,10 +94,47 @@ fn attributes(
         emitter::WEIGHTS,
         buffer.quadruples(mixtures.iter().map(|mixture| mixture.weights.map(|weight| weight as f32))),
     );
-    if spectra_in_attributes {
+    attributes
+}
+
+/// Of the nodes of a volume.
+fn volume_attributes(model: &Model, volume: &Volume, buffer: &mut Buffer, has_spectra: bool) -> Attributes {
+    let colors = colors_of(model, &volume.nodes, &volume.volumes_mm3);
+    let mut attributes = light(model, &volume.lattice.points_mm(), &volume.nodes, &colors, buffer, has_spectra);
+    let volumes_mm3 = buffer.scalars(volume.volumes_mm3.iter().map(|mm3| *mm3 as f32));
+    attributes.insert(emitter::VOLUME_MM3.to_owned(), volumes_mm3);
+    attributes
+}
+
+/// Where sites are, and what light they send.
+fn light(
+    model: &Model,
+    points_mm: &[DVec3],
+    sites: &Amounts,
+    colors: &Colors,
+    buffer: &mut Buffer,
+    has_spectra: bool,
+) -> Attributes {
+    let mut attributes = BTreeMap::new();
+    let mut put = |name: &str, accessor: usize| attributes.insert(name.to_owned(), accessor);
+    put("POSITION", buffer.positions(points_mm.iter().map(|point| vector(*point * 1e-3))));
+    put("COLOR_0", buffer.vectors(colors.linear_srgb.iter().copied()));
+    for (name, flux) in [(emitter::FLUX_W, &sites.radiant_w), (emitter::FLUX_LM, &sites.luminous_lm)] {
+        if let Some(flux) = flux {
+            put(name, buffer.scalars(flux.iter().map(|flux| *flux as f32)));
+        }
+    }
+    if model.spectral.columns == Columns::Tristimulus {
+        let xyz = |site| {
+            let columns = sites.columns_of(site);
+            [columns[0] as f32, columns[1] as f32, columns[2] as f32]
+        };
+        put(emitter::XYZ_LM, buffer.vectors((0..sites.len()).map(xyz)));
+    }
+    if has_spectra {
         let bands = model.spectral.bands.len();
-        let spectra: Vec<f32> = (0..vertices.len())
-            .flat_map(|vertex| model.vertex_spectrum_w_per_nm(vertex))
+        let spectra: Vec<f32> = (0..sites.len())
+            .flat_map(|site| model.spectral.bands_w_per_nm(sites.columns_of(site)))
             .map(|density| density as f32)
             .collect();
         for (band, accessor) in buffer.bands(&spectra, bands).into_iter().enumerate() {
