@@ -5,7 +5,7 @@
 //! domes and cylinders is a fifth to nearly all of what is said here, of flat chips down to an eighth.
 
 use crate::formats::record::SpectralData;
-use crate::options::{Options, Spectra};
+use crate::options::{Emission, Options, Spectra};
 use crate::rays::bands;
 use crate::rays::bands::Reach;
 use crate::source::channels::Claims;
@@ -50,13 +50,20 @@ const CHOSEN: (f64, f64) = (96.0, 8.0);
 const RAYS_PER_VERTEX: f64 = 12.0;
 /// Cells of all zones together and their spectral columns unless zones are asked for; the grid of the latter.
 const CELLS: f64 = 350_000.0;
-const COLUMNS: f64 = 4e6;
+const COLUMNS: f64 = 2e6;
 const GAMMA_DEG: f64 = 2.5;
 const C_DEG: f64 = 5.0;
 /// Zones unless asked for, the rays that one needs, and cells of its spectral grid.
 const ZONES: f64 = 256.0;
 const RAYS_PER_ZONE: f64 = 400.0;
 const ZONE_CELLS: f64 = 134.0;
+/// Nodes of a volume, most of them and of their spectral numbers, and what one needs: its neighbours in smoothing, and each band and column.
+const RAYS_PER_NODE: f64 = 20.0;
+const NODES: (f64, f64) = (2_000.0, 32_000.0);
+const NODE_NUMBERS: f64 = 1.3e6;
+const NODE: f64 = 1500.0;
+const NODE_BAND: f64 = 8.0;
+const NODE_COLUMN: f64 = 16.0;
 /// Columns of a file with spectral tables: one for each table.
 const TABLES: f64 = 16.0;
 
@@ -78,6 +85,7 @@ pub fn estimate(files: &[(&Claims, &Declared)], options: &Options, threads: usiz
     let hull = LATTICE_CELL * cells + vertices * (HULL_VERTEX + HULL_VERTEX_THREAD * threads);
     let rest = vertices * VERTEX
         + spectrum.of_vertices(vertices, options.artifacts.spectra.unwrap_or_default())
+        + volume(rays, &spectrum, options)
         + directions(rays, &spectrum, options);
     MemoryNeed {
         bytes: (PROCESS + THREAD * threads + SAMPLED_RAY * rays.min(MOST_SAMPLED) + f64::max(hull, rest)) as u64,
@@ -95,6 +103,18 @@ fn surface(rays: f64, asked: Option<f64>) -> (f64, f64) {
             let (finest, coarsest) = CHOSEN;
             (finest.powi(3), (rays / RAYS_PER_VERTEX).clamp(body(coarsest), body(finest)))
         }
+    }
+}
+
+/// What the nodes of a volume need, where the light may be put in one.
+fn volume(rays: f64, spectrum: &Spectrum, options: &Options) -> f64 {
+    let (fewest, most) = NODES;
+    let nodes = (rays / RAYS_PER_NODE).clamp(fewest, most).min(NODE_NUMBERS / spectrum.columns.max(spectrum.bands).max(1.0));
+    match options.emission() {
+        Emission::Auto | Emission::Volume => {
+            nodes * (NODE + NODE_BAND * spectrum.bands + NODE_COLUMN * spectrum.columns)
+        }
+        Emission::Origins | Emission::Focus => 0.0,
     }
 }
 

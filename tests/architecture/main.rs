@@ -16,7 +16,7 @@ use std::path::Path;
 
 /// The order of the computation: each part may name itself and the parts before it, nothing after it. `lib` is its front door; a
 /// re-exported name counts as the part it comes from.
-const PIPELINE: [&str; 18] = [
+const PIPELINE: [&str; 19] = [
     "error",
     "vocabulary",
     "options",
@@ -31,6 +31,7 @@ const PIPELINE: [&str; 18] = [
     "smoothing",
     "flux",
     "goniogram",
+    "volume",
     "model",
     "candidates",
     "artifacts",

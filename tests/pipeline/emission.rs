@@ -1,4 +1,4 @@
-//! On which surface the light is put, what is said of it, and rays drawn from the model.
+//! Where the light is put, what is said of it, and rays drawn from the model.
 
 use glam::DVec3;
 use pipeline::goniogram::SphereGrid;
@@ -45,7 +45,7 @@ fn a_chip_whose_rays_start_on_a_box_is_found_in_its_plane() {
     let study = focal.model.study.as_ref().unwrap();
     let chosen = study.surface().unwrap();
     assert_eq!((chosen.surface(), study.candidates[0].surface()), ("plane", "origins"));
-    let apex_mm = chosen.patch.unwrap().surface.apex_mm;
+    let apex_mm = chosen.carrier.patch().unwrap().surface.apex_mm;
     assert!((apex_mm.z - chip_mm.z).abs() < 0.03, "{apex_mm}");
     let balance = &focal.model.surface.balance;
     assert!(balance.every_ray_once() && balance.error() < 1e-9, "{balance:?}");
@@ -70,7 +70,7 @@ fn images_of_rays_are_counted_as_one_ray() {
     let source = by_name("dome").unwrap();
     let outcome = built(&source, &with(Emission::Focus)).unwrap();
     let chosen = outcome.model.study.as_ref().unwrap().surface().unwrap();
-    assert!(chosen.patch.unwrap().symmetry.images() > 1, "{chosen}");
+    assert!(chosen.carrier.patch().unwrap().symmetry.images() > 1, "{chosen}");
     let balance = &outcome.model.surface.balance;
     assert!(balance.every_ray_once() && balance.error() < 1e-9, "{balance:?}");
     let zones: f64 = outcome.model.goniograms.zones.iter().map(|zone| zone.goniogram.flux.radiant_w.unwrap()).sum();
@@ -81,8 +81,51 @@ fn images_of_rays_are_counted_as_one_ray() {
 fn light_from_everywhere_has_no_focal_surface() {
     let cylinder = by_name("cylinder").unwrap();
     assert_eq!(built(&cylinder, &with(Emission::Focus)).unwrap_err().code(), "emission.no_focus");
-    let given = built(&cylinder, &Options::default()).unwrap();
-    assert_eq!(given.model.study.unwrap().surface().unwrap().surface(), "origins");
+    let auto = built(&cylinder, &Options::default()).unwrap();
+    assert_eq!(auto.model.study.unwrap().surface().unwrap().surface(), "volume");
+}
+
+/// A cylinder that glows inside and can be seen through is a volume: its radiance is what the known source's integral along the line says,
+/// which that of its hull is not, and the nodes have all of its light.
+#[test]
+fn a_glowing_cylinder_is_a_volume() {
+    let source = by_name("cylinder").unwrap();
+    let volume = built(&source, &Options::default()).unwrap().model;
+    let nodes = &volume.volume.as_ref().unwrap().nodes;
+    let sum: f64 = nodes.radiant_w.as_ref().unwrap().iter().sum();
+    assert!((sum / source.radiant_w() - 1.0).abs() < 1e-9, "{sum} W");
+    let columns: f64 = nodes.columns.iter().sum();
+    let on_vertices: f64 = volume.surface.vertices.columns.iter().sum();
+    assert!((columns / on_vertices - 1.0).abs() < 1e-9, "{columns} of {on_vertices} W in the bands");
+    let evaluator = Evaluator::new(&volume, Quantity::Radiant).unwrap();
+    let bounds = volume.hull.bounds_mm();
+    let (mut square, mut power, mut lines) = (0.0, 0.0, 0);
+    for (k, l, turn) in (0..20).flat_map(|k| (0..20).flat_map(move |l| (0..4).map(move |turn| (k, l, turn)))) {
+        let at = |part: f64, axis: usize| bounds.min[axis] + part * bounds.size()[axis];
+        let point_mm =
+            DVec3::new(at((f64::from(k) + 0.5) / 20.0, 0), bounds.center().y, at((f64::from(l) + 0.5) / 20.0, 2));
+        let angle = TAU * (f64::from(turn) + 0.4) / 8.0;
+        let direction = DVec3::new(angle.cos() * 0.4, 0.8, angle.sin() * 0.4).normalize();
+        // Where the line has left the source.
+        let outside_mm = point_mm + 10.0 * direction;
+        let exact = source.radiance_w_per_mm2_sr(outside_mm, direction);
+        let found = evaluator.radiance_along(outside_mm, direction).unwrap();
+        (square, power, lines) =
+            (square + (found - exact).powi(2), power + exact * exact, lines + i32::from(exact > 0.0));
+    }
+    let error = (square / power).sqrt();
+    println!("radiance of {lines} lines: {error:.3} r.m.s.");
+    assert!(lines > 1000 && error < 0.1, "{lines} lines, {error:.3} r.m.s.");
+}
+
+/// Who asks for a volume has one, whatever the cloud: here of a flat chip.
+#[test]
+fn a_flat_source_may_be_asked_for_as_a_volume() {
+    let chip = built(&by_name("flat-chip").unwrap(), &with(Emission::Volume)).unwrap().model;
+    let volume = chip.volume.as_ref().unwrap();
+    assert_eq!(volume.lattice.cells[2], 1);
+    let sum: f64 = volume.nodes.radiant_w.as_ref().unwrap().iter().sum();
+    assert!((sum / chip.flux.radiant_w.unwrap() - 1.0).abs() < 1e-9, "{sum} W");
 }
 
 /// Directions of drawn rays fall into cells as often as the evaluated intensity says, and rays start where the flux is.
@@ -122,7 +165,14 @@ fn drawn_rays_are_those_of_the_model() {
             let exitance = evaluator.exitance(triangle, [1.0 / 3.0; 3]);
             model.hull.area_mm2(triangle) * exitance * if ((a + b + c) / 3.0).x > middle_mm.x { 1.0 } else { 0.0 }
         };
-        let share = (0..model.hull.triangles.len()).map(beyond).sum::<f64>() / model.flux.radiant_w.unwrap();
+        let in_volume = model.volume.as_ref().map(|volume| {
+            let points_mm = volume.lattice.points_mm();
+            let flux_w = volume.nodes.radiant_w.as_ref().unwrap();
+            let beyond = points_mm.iter().zip(flux_w).filter(|(point_mm, _)| point_mm.x > middle_mm.x);
+            beyond.map(|(_, flux)| flux).sum::<f64>()
+        });
+        let on_surface = || (0..model.hull.triangles.len()).map(beyond).sum::<f64>();
+        let share = in_volume.unwrap_or_else(on_surface) / model.flux.radiant_w.unwrap();
         assert!((above / DRAWN as f64 - share).abs() < 0.015, "{name}: {above} of {DRAWN}, {share}");
     }
 }

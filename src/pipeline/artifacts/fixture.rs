@@ -16,6 +16,8 @@ use crate::vocabulary::notice::Notices;
 use crate::vocabulary::space::{Axis, Bounds, Frame};
 use crate::vocabulary::spectrum::{Bands, lm_per_w};
 use crate::vocabulary::units::{Flux, LengthUnit};
+use crate::volume::Volume;
+use crate::volume::lattice::VolumeLattice;
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -40,6 +42,27 @@ pub fn model_with(pattern: impl Fn(DVec3) -> f64) -> Model {
 pub fn model() -> Model {
     let grid = SphereGrid::new(36, 36);
     assemble(grid.clone(), &lambertian_cells(&grid))
+}
+
+/// The same light in two cells of 1 mm side by side.
+pub fn with_volume() -> Model {
+    let model = model();
+    let vertices = &model.surface.vertices;
+    let bounds = Bounds { min: DVec3::ZERO, max: DVec3::new(2.0, 1.0, 1.0) };
+    let lattice = VolumeLattice::all_lit(bounds, 2.0);
+    let share = 1.0 / lattice.node_count as f64;
+    let spread = |total: f64| vec![share * total; lattice.node_count];
+    let of = |values: &Option<Vec<f64>>| values.as_ref().map(|values| spread(values.iter().sum()));
+    let totals: Vec<f64> = vertices.column_totals().iter().map(|total| share * total).collect();
+    let nodes = Amounts {
+        rays: spread(vertices.rays.iter().sum()),
+        radiant_w: of(&vertices.radiant_w),
+        luminous_lm: of(&vertices.luminous_lm),
+        columns: totals.repeat(lattice.node_count),
+        column_count: vertices.column_count,
+    };
+    let volume = Volume { volumes_mm3: lattice.volumes_mm3(), lattice, nodes };
+    Model { volume: Some(volume), ..model }
 }
 
 /// ∫ cos γ dω / ∫ dω over each cell, light on the γ < 90° half only.
@@ -81,8 +104,17 @@ fn assemble(grid: SphereGrid, cells: &[f64]) -> Model {
         total,
         notices: Notices::default(),
     };
-    Model { origins: vec![origin(flux)], flux, spectral, hull, surface, goniograms, volume: None,
-        study: None, notices: Vec::new() }
+    Model {
+        origins: vec![origin(flux)],
+        flux,
+        spectral,
+        hull,
+        surface,
+        goniograms,
+        volume: None,
+        study: None,
+        notices: Vec::new(),
+    }
 }
 
 fn origin(flux: Flux) -> Origin {

@@ -15,6 +15,7 @@ use crate::options::Options as RunOptions;
 use crate::source::Spectral;
 use crate::vocabulary::notice::Notice;
 use crate::vocabulary::units::{Flux, LengthUnit};
+use crate::volume::Volume;
 use crate::writing::number::{ARRAY_DIGITS, Numbers, sum};
 use crate::writing::schema::{SHA256, WHOLE};
 use crate::writing::{Artifact, json};
@@ -37,7 +38,7 @@ pub fn artifact(model: &Model, options: &RunOptions, notices: &[Notice]) -> Resu
         inputs: model.origins.iter().map(|origin| InputFacts::new(origin, &model.flux)).collect(),
         options: OptionsEcho::new(options),
         flux: FluxFacts::new(&model.flux),
-        balance: BalanceFacts::new(&model.surface.balance),
+        balance: BalanceFacts::new(&model.surface.balance, model.volume.as_ref()),
         hull: HullFacts::new(model),
         emission: model.study.as_ref().map(EmissionFacts::new),
         quality: model.study.as_ref().filter(|study| !study.figures.is_empty()).map(QualityOfModel::new),
@@ -228,10 +229,12 @@ struct BalanceFacts {
     on_vertices: FluxFacts,
     /// Flux on the vertices, after smoothing: the model's.
     after_smoothing: FluxFacts,
+    /// Flux of the nodes of the volume, after smoothing: the model's; null where the light is put on a surface.
+    in_volume: Option<FluxFacts>,
 }
 
 impl BalanceFacts {
-    fn new(balance: &Balance) -> BalanceFacts {
+    fn new(balance: &Balance, volume: Option<&Volume>) -> BalanceFacts {
         BalanceFacts {
             incoming: ShareFacts::new(&balance.incoming),
             hit: ShareFacts::new(&balance.hit),
@@ -240,6 +243,7 @@ impl BalanceFacts {
             on_triangles: FluxFacts::new(&balance.on_triangles),
             on_vertices: FluxFacts::new(&balance.on_vertices),
             after_smoothing: FluxFacts::new(&balance.after_smoothing),
+            in_volume: volume.map(|volume| FluxFacts::new(&volume.nodes.total())),
         }
     }
 }

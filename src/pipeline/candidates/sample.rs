@@ -1,8 +1,8 @@
 //! A sample of the rays, in memory: one part to build candidates of, the other, held out, to judge them by.
 
 use crate::error::Error;
-use crate::hull::{Carrier, Cloud};
 use crate::hull::cloud::Sampled;
+use crate::hull::{Carrier, Cloud};
 use crate::inspection::sample::hash;
 use crate::source::{Columns, Ray, Source, Spectral};
 use crate::vocabulary::watch::StageWatch;

@@ -62,6 +62,9 @@ pub struct Sharp {
     pub log_radiance: f64,
 }
 
+/// Mean logarithm of the radiance, and the curvature (1/mm) and the depth (mm) of the surface that has it.
+type Tried = (f64, (f64, f64));
+
 /// The rays by which surfaces are judged.
 pub struct Search {
     rays: Vec<Ray>,
@@ -116,7 +119,10 @@ impl Search {
             .iter()
             .flat_map(|curvature| (0..DEPTHS).map(move |k| (2.0 * curvature / self.size_mm, depth_mm(k, DEPTHS))))
             .collect();
-        Ok([self.refine(planes, 0.0, watch.part(0.0, 0.3))?, self.refine(spheres, 0.6 / self.size_mm, watch.part(0.3, 1.0))?])
+        Ok([
+            self.refine(planes, 0.0, watch.part(0.0, 0.3))?,
+            self.refine(spheres, 0.6 / self.size_mm, watch.part(0.3, 1.0))?,
+        ])
     }
 
     /// Where the virtual focus lies along the axis, mm; `None` where there is none within reach.
@@ -140,7 +146,7 @@ impl Search {
         mut curvature_step: f64,
         watch: StageWatch<'_>,
     ) -> Result<Option<Sharp>, Error> {
-        let best_of = |places: &[(f64, f64)], done: f64| -> Result<Option<(f64, (f64, f64))>, Error> {
+        let best_of = |places: &[(f64, f64)], done: f64| -> Result<Option<Tried>, Error> {
             let sharp = |at: &(f64, f64)| {
                 watch.step(done)?;
                 Ok(self.try_at(at.0, at.1).map(|sharp| (sharp.log_radiance, *at)))
@@ -420,6 +426,7 @@ fn solid_angles_sr() -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::known_sources::uniform;
+    use crate::vocabulary::watch::{NoProgress, Stage};
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::SeedableRng;
 
@@ -443,7 +450,8 @@ mod tests {
         for axis in [DVec3::Z, DVec3::NEG_Y, DVec3::new(0.6, 0.0, 0.8)] {
             let truth = FocalSurface::new(DVec3::new(3.0, -1.0, 2.0), axis, 0.0);
             let search = Search::new(&rays(&truth, 1.0)).unwrap();
-            let [plane, _] = search.sharpest();
+            let watch = StageWatch::enter(&NoProgress, Stage::Hull).unwrap();
+            let [plane, _] = search.sharpest(watch).unwrap();
             let found = plane.unwrap().surface;
             assert!(found.axes.z_axis.dot(axis) > 0.9998, "{found:?}");
             let off_mm = (found.apex_mm - truth.apex_mm).dot(axis);

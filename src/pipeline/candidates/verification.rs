@@ -192,7 +192,8 @@ pub fn verify(
         Ok(halves)
     };
     let merge = |all: &mut [Counts; 2], part: [Counts; 2]| all.iter_mut().zip(&part).for_each(|(a, b)| a.merge(b));
-    let truth = Cloud::new(source, Carrier::Origins).fold(watch.part(0.0, 0.5), [none.clone(), none.clone()], judge, merge)?;
+    let truth =
+        Cloud::new(source, Carrier::Origins).fold(watch.part(0.0, 0.5), [none.clone(), none.clone()], judge, merge)?;
     let drawing = watch.part(0.5, 1.0);
     let mut rays = none.clone();
     sample.training.rays.iter().for_each(|ray| rays.add(&screens, ray.origin_mm, ray.direction, weight(ray)));

@@ -66,7 +66,8 @@ pub fn smooth_amounts(
     lit.iter().zip(&columns).for_each(|(column, values)| sites.set_column(*column, values));
     if let Some(radiant) = &mut sites.radiant_w {
         *radiant = whole;
-    }    Ok(())
+    }
+    Ok(())
 }
 
 /// `form` with the sum `total`.

@@ -173,7 +173,7 @@ impl Grids {
         let mut whole = sum(zones)?;
         if smooths {
             let (fine, coarse) = (Directions::new(&self.fine), Directions::new(&self.spectral));
-            let refined = fine.from_even(whole.fine.primary(), ray.primary());
+            let refined = fine.even(whole.fine.primary(), ray.primary());
             whole.smooth(&fine, refined, ray);
             let column_ray = if spectrum.has_bands() { ray.primary() } else { ray.luminous_lm.unwrap_or(0.0) };
             self.smooth_columns(&mut whole, &coarse, column_ray);

@@ -40,7 +40,7 @@ use zone::Zoning;
 /// Most zones that follow the surface: their goniograms are less than 10 MB of text.
 const MOST_ZONES: usize = 256;
 /// Most spectral columns of all cells of all zones together, and cells of a zone's coarsest spectral grid.
-const MOST_COLUMNS: f64 = 4e6;
+const MOST_COLUMNS: f64 = 2e6;
 const COARSEST_CELLS: f64 = 134.0;
 /// Most zones that follow the surface and have files of their own.
 const MOST_FILES: usize = 16;

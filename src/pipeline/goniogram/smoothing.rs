@@ -107,7 +107,7 @@ impl<'a> Directions<'a> {
     }
 
     /// Flux per cell of a source that sends equally into all directions, as far as `counted` does not say otherwise.
-    pub fn from_even(&self, counted: &[f64], ray: f64) -> Refined {
+    pub fn even(&self, counted: &[f64], ray: f64) -> Refined {
         self.estimate(counted, &self.turned(counted, &self.solid_angles_sr, ray), ray)
     }
 

@@ -13,12 +13,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const RAYS_PER_NODE: f64 = 20.0;
 const FEWEST_NODES: f64 = 2_000.0;
 const MOST_NODES: f64 = 32_000.0;
-/// Most spectral columns of all nodes together.
-const MOST_COLUMNS: f64 = 1.3e6;
+/// Most spectral numbers of all nodes together: 5 MB of attributes.
+const MOST_NUMBERS: f64 = 1.3e6;
 /// Most cells of the box, dark ones too.
 const MOST_CELLS: f64 = 4_194_304.0;
 /// Cells of the lattice on which it is seen how much of the box is filled.
 const COARSE_CELLS: f64 = 3_000.0;
+/// A box has at least this edge, mm, and this part of its longest edge as thickness.
+const LEAST_MM: f64 = 1e-6;
+const LEAST_THICKNESS: f64 = 1e-6;
 /// Fewer rays in a coarse cell are strays.
 const FEWEST_RAYS: u32 = 2;
 /// A cloud thinner than this part of its longest side has no volume.
@@ -30,7 +33,7 @@ pub const AT_GAUSS: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9
 
 /// A regular lattice of which some cells are lit.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Lattice {
+pub struct VolumeLattice {
     /// Least corner, mm.
     pub min_mm: DVec3,
     /// Edges of a cell, mm.
@@ -57,10 +60,10 @@ pub fn shares([x, y, z]: [f64; 3]) -> [f64; 8] {
 pub fn is_filled(rays: &[Ray]) -> bool {
     let bounds = Bounds::of(rays.iter().map(|ray| ray.origin_mm));
     let size_mm = bounds.size();
-    if !(size_mm.min_element() > THINNEST * size_mm.max_element()) {
+    if size_mm.min_element() <= THINNEST * size_mm.max_element() {
         return false;
     }
-    let coarse = Lattice::regular(bounds, COARSE_CELLS);
+    let coarse = VolumeLattice::regular(bounds, COARSE_CELLS);
     let counts = coarse.counts(rays);
     let is_inside = |cell: usize| {
         let [x, y, z] = coarse.unfold(cell);
@@ -73,23 +76,24 @@ pub fn is_filled(rays: &[Ray]) -> bool {
     f64::from(inside) > FILLED * rays.len() as f64
 }
 
-impl Lattice {
+impl VolumeLattice {
     /// The lattice of the origins of `cloud`, with as many nodes as its rays can feed; by how much of the box the `sample` fills.
     ///
     /// # Errors
     /// As [`Cloud::fold`].
-    pub fn of(cloud: &Cloud<'_>, sample: &[Ray], watch: StageWatch<'_>) -> Result<Lattice, Error> {
+    pub fn of(cloud: &Cloud<'_>, sample: &[Ray], watch: StageWatch<'_>) -> Result<VolumeLattice, Error> {
         let bounds = cloud.bounds_mm();
-        let coarse = Lattice::regular(bounds, COARSE_CELLS);
+        let coarse = VolumeLattice::regular(bounds, COARSE_CELLS);
         let counts = coarse.counts(sample);
         let filled = match counts.iter().filter(|rays| **rays >= FEWEST_RAYS).count() {
             0 => counts.len(),
             filled => filled,
         };
-        let most = MOST_NODES.min(MOST_COLUMNS / cloud.spectral().column_count().max(1) as f64);
+        let most = MOST_NODES.min(MOST_NUMBERS / cloud.spectral().numbers().max(1) as f64);
         let nodes = (cloud.ray_count() as f64 / RAYS_PER_NODE).clamp(FEWEST_NODES.min(most), most);
-        let lattice = Lattice::regular(bounds, (nodes * counts.len() as f64 / filled as f64).min(MOST_CELLS));
-        let lit: Vec<AtomicBool> = std::iter::repeat_with(|| AtomicBool::new(false)).take(lattice.cell_count()).collect();
+        let lattice = VolumeLattice::regular(bounds, (nodes * counts.len() as f64 / filled as f64).min(MOST_CELLS));
+        let lit: Vec<AtomicBool> =
+            std::iter::repeat_with(|| AtomicBool::new(false)).take(lattice.cell_count()).collect();
         let look = |rays: &[Ray]| {
             for ray in rays {
                 let flag = &lit[lattice.place(ray.origin_mm).0];
@@ -105,18 +109,33 @@ impl Lattice {
     }
 
     /// About `count` cells, nearly cubes, over `bounds`; none of them lit.
-    fn regular(bounds: Bounds, count: f64) -> Lattice {
-        let longest = bounds.size().max_element().max(f64::MIN_POSITIVE);
-        let size_mm = bounds.size().max(DVec3::splat(1e-6 * longest));
-        let edge_mm = (size_mm.element_product() / count).cbrt();
-        let cells = size_mm.to_array().map(|along| (along / edge_mm).round().clamp(1.0, count) as usize);
+    fn regular(bounds: Bounds, count: f64) -> VolumeLattice {
+        let longest_mm = bounds.size().max_element().max(LEAST_MM);
+        let size_mm = bounds.size().max(DVec3::splat(LEAST_THICKNESS * longest_mm));
+        // What is thinner than a cell has one layer of them, and the others lie side by side.
+        let mut thick = size_mm.to_array().to_vec();
+        thick.sort_unstable_by(f64::total_cmp);
+        let edge_of = |thick: &[f64]| (thick.iter().product::<f64>() / count).powf(1.0 / thick.len() as f64);
+        while thick.len() > 1 && thick[0] < edge_of(&thick) {
+            thick.remove(0);
+        }
+        let edge_mm = edge_of(&thick);
+        let cells = size_mm.to_array().map(|along| (along / edge_mm).round().max(1.0) as usize);
         let pitch_mm = size_mm / DVec3::from_array(cells.map(|count| count as f64));
-        Lattice { min_mm: bounds.min, pitch_mm, cells, is_lit: Vec::new(), number: Vec::new(), node_count: 0 }
+        VolumeLattice { min_mm: bounds.min, pitch_mm, cells, is_lit: Vec::new(), number: Vec::new(), node_count: 0 }
+    }
+
+    /// About `count` cells over `bounds`, all lit.
+    #[cfg(test)]
+    pub fn all_lit(bounds: Bounds, count: f64) -> VolumeLattice {
+        let regular = VolumeLattice::regular(bounds, count);
+        let lit = vec![true; regular.cell_count()];
+        regular.with(lit)
     }
 
     /// The same lattice with the cells that are `lit`, and their nodes.
-    fn with(self, lit: Vec<bool>) -> Lattice {
-        let mut lattice = Lattice { is_lit: lit, ..self };
+    fn with(self, lit: Vec<bool>) -> VolumeLattice {
+        let mut lattice = VolumeLattice { is_lit: lit, ..self };
         let mut is_node = vec![false; lattice.cells.map(|count| count + 1).iter().product()];
         for cell in lattice.lit_cells() {
             lattice.corner_places(cell).into_iter().for_each(|place| is_node[place] = true);
@@ -146,7 +165,8 @@ impl Lattice {
         };
         let closed = near(&near(&lit, false, false), true, true);
         // Cells at the border of the box have no neighbours beyond it that would keep them dark.
-        let is_border = |cell: usize| self.unfold(cell).into_iter().zip(self.cells).any(|(at, n)| at == 0 || at + 1 == n);
+        let is_border =
+            |cell: usize| self.unfold(cell).into_iter().zip(self.cells).any(|(at, n)| at == 0 || at + 1 == n);
         lit.iter().zip(closed).enumerate().map(|(cell, (lit, closed))| *lit || (closed && !is_border(cell))).collect()
     }
 
@@ -252,7 +272,7 @@ impl Lattice {
                 return 0.0;
             }
         }
-        if !(enter < leave) {
+        if enter >= leave {
             return 0.0;
         }
         let at = |t: f64| -> [f64; 3] { std::array::from_fn(|k| from[k] + t * per_mm[k]) };
@@ -288,9 +308,9 @@ mod tests {
     use super::*;
 
     /// A box of 2 x 1 x 1 mm from the origin on, 20 x 10 x 10 cells, all lit but those `dark`.
-    fn lattice(dark: impl Fn([usize; 3]) -> bool) -> Lattice {
+    fn lattice(dark: impl Fn([usize; 3]) -> bool) -> VolumeLattice {
         let bounds = Bounds { min: DVec3::ZERO, max: DVec3::new(2.0, 1.0, 1.0) };
-        let regular = Lattice::regular(bounds, 2000.0);
+        let regular = VolumeLattice::regular(bounds, 2000.0);
         assert_eq!(regular.cells, [20, 10, 10]);
         let lit = (0..regular.cell_count()).map(|cell| !dark(regular.unfold(cell))).collect();
         regular.with(lit)
@@ -357,7 +377,10 @@ mod tests {
         assert!(lattice_of.closed(lattice_of.is_lit.clone()).iter().all(|lit| *lit));
         let hollow = |at: [usize; 3]| at.iter().all(|at| (3..7).contains(at));
         let lattice_of = lattice(hollow);
-        assert_eq!(lattice_of.closed(lattice_of.is_lit.clone()), lattice_of.is_lit);
+        let closed = lattice_of.closed(lattice_of.is_lit.clone());
+        // Its edges are rounded.
+        let inside = |cell: usize| lattice_of.unfold(cell).iter().all(|at| (4..6).contains(at));
+        assert!((0..closed.len()).filter(|cell| inside(*cell)).all(|cell| !closed[cell]));
     }
 
     #[test]

@@ -17,13 +17,13 @@ use crate::source::Ray;
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::units::Flux;
 use crate::vocabulary::watch::StageWatch;
-use lattice::Lattice;
+use lattice::VolumeLattice;
 
 /// Flux in a volume.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Volume {
     /// Where the nodes are.
-    pub lattice: Lattice,
+    pub lattice: VolumeLattice,
     /// Flux and spectral columns of each node, smoothed where asked.
     pub nodes: Amounts,
     /// The volume that each node stands for: an eighth of its lit cells, mm³. The emission coefficient integrated over all
@@ -33,7 +33,7 @@ pub struct Volume {
 
 /// A lattice, and what is counted at its nodes while the rays are laid on the hull.
 pub struct Plan {
-    lattice: Lattice,
+    lattice: VolumeLattice,
     tally: Tally,
 }
 
@@ -41,13 +41,8 @@ pub struct Plan {
 ///
 /// # Errors
 /// [`Error::Refused`] above [`Limits::max_tally_values`]; as [`Cloud::fold`].
-pub fn plan(
-    cloud: &Cloud<'_>,
-    sample: &[Ray],
-    limits: &Limits,
-    watch: StageWatch<'_>,
-) -> Result<Plan, Error> {
-    let lattice = Lattice::of(cloud, sample, watch)?;
+pub fn plan(cloud: &Cloud<'_>, sample: &[Ray], limits: &Limits, watch: StageWatch<'_>) -> Result<Plan, Error> {
+    let lattice = VolumeLattice::of(cloud, sample, watch)?;
     let tally = Tally::new(&Quanta::of(cloud), lattice.node_count, true, limits)?;
     Ok(Plan { lattice, tally })
 }

@@ -241,6 +241,33 @@ mod tests {
         assert!((10_000..=100_000).contains(&largest), "five digits: {largest}");
     }
 
+    /// The nodes of two cells side by side are twelve points, in the order of the lattice.
+    #[test]
+    fn a_volume_is_a_primitive_of_points() {
+        let model = fixture::with_volume();
+        let volume = model.volume.as_ref().unwrap();
+        let (file, emitter) = read(&model, Spectra::Auto);
+        let points = file.meshes().next().unwrap().primitives().nth(1).unwrap();
+        assert_eq!((points.mode(), points.indices().is_none()), (::gltf::mesh::Mode::Points, true));
+        let positions: Vec<[f32; 3]> = points.reader(|_| file.blob.as_deref()).read_positions().unwrap().collect();
+        assert_eq!(positions.len(), 12);
+        for (position, node) in positions.iter().zip(volume.lattice.points_mm()) {
+            assert_eq!(*position, [node.x * 1e-3, node.z * 1e-3, -node.y * 1e-3].map(|value| value as f32));
+        }
+        let values = |name: &str| -> Vec<f32> {
+            let accessor = points.get(&Semantic::Extras(name.to_owned())).unwrap();
+            Iter::new(accessor, |_| file.blob.as_deref()).unwrap().collect()
+        };
+        let flux_w: f32 = values("FLUX_W").iter().sum();
+        assert!((f64::from(flux_w) / model.flux.radiant_w.unwrap() - 1.0).abs() < 1e-6);
+        // An eighth of a cell of 1 mm³ at the ends, of two in the middle.
+        assert!(values("VOLUME_MM3").iter().all(|mm3| [0.125, 0.25].contains(mm3)));
+        assert_eq!(values("SPECTRUM_001").len(), 12);
+        assert_eq!(emitter["volume"]["cells"], serde_json::json!([2, 1, 1]));
+        assert_eq!(emitter["volume"]["lit_runs"], serde_json::json!([0, 2]));
+        assert!(read(&fixture::model(), Spectra::Auto).1["volume"].is_null());
+    }
+
     #[test]
     fn position_bounds_are_exactly_those_of_the_floats() {
         let mut model = fixture::model();
