@@ -109,7 +109,8 @@ fn surface(rays: f64, asked: Option<f64>) -> (f64, f64) {
 /// What the nodes of a volume need, where the light may be put in one.
 fn volume(rays: f64, spectrum: &Spectrum, options: &Options) -> f64 {
     let (fewest, most) = NODES;
-    let nodes = (rays / RAYS_PER_NODE).clamp(fewest, most).min(NODE_NUMBERS / spectrum.columns.max(spectrum.bands).max(1.0));
+    let nodes =
+        (rays / RAYS_PER_NODE).clamp(fewest, most).min(NODE_NUMBERS / spectrum.columns.max(spectrum.bands).max(1.0));
     match options.emission() {
         Emission::Auto | Emission::Volume => {
             nodes * (NODE + NODE_BAND * spectrum.bands + NODE_COLUMN * spectrum.columns)
@@ -232,10 +233,10 @@ mod tests {
                 133.0,
                 6.0,
             ),
-            ("cylinder", 100_000, plain, 2, Options::default(), 43.0, 4.0),
-            ("cylinder", 100_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 1193.0, 2.0),
-            ("cylinder", 1_000_000, plain, 2, Options::default(), 61.0, 6.0),
-            ("cylinder", 1_000_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 241.0, 4.0),
+            ("cylinder", 100_000, plain, 2, Options::default(), 44.0, 4.0),
+            ("cylinder", 100_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 1203.0, 2.0),
+            ("cylinder", 1_000_000, plain, 2, Options::default(), 76.0, 6.0),
+            ("cylinder", 1_000_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 305.0, 4.0),
             ("cylinder", 1_000_000, plain, 2, with(fine), 90.0, 6.0),
             ("four chips", 100_000, by_ray, 2, Options::default(), 66.0, 4.0),
             ("four chips", 1_000_000, by_ray, 2, Options::default(), 80.0, 5.0),

@@ -74,12 +74,12 @@ pub struct Spectral {
 }
 
 impl Spectral {
-    /// How many columns rays deposit into.
+    /// Most spectral numbers of a site, as counted or as written.
     pub fn numbers(&self) -> usize {
         if self.has_bands() { self.bands.len().max(self.column_count()) } else { self.column_count() }
     }
 
-    /// Columns that a ray's amounts are counted in.
+    /// How many columns rays deposit into.
     pub fn column_count(&self) -> usize {
         match &self.columns {
             Columns::None => 0,
