@@ -151,7 +151,7 @@ struct Grid {
     /// Nodes, increasing, first 0, last below 360 (360 is 0); one node: axially symmetric.
     #[schemars(length(min = 1))]
     c_deg: Vec<f64>,
-    /// Nodes, increasing, first 0, last 180.
+    /// Nodes, increasing, first 0, last 180; in a narrow beam closer together.
     #[schemars(length(min = 1))]
     gamma_deg: Vec<f64>,
     /// After these degrees C begins again.
@@ -331,7 +331,7 @@ impl MaxIntensity {
             value_cd: luminous.then(|| sum(*value)),
             value_w_per_sr: (!luminous).then(|| sum(*value)),
             c_deg: sum((at / grid.gamma_nodes()) as f64 * 360.0 / grid.c_planes() as f64),
-            gamma_deg: sum((at % grid.gamma_nodes()) as f64 * 180.0 / (grid.gamma_nodes() - 1) as f64),
+            gamma_deg: sum(grid.gamma_deg()[at % grid.gamma_nodes()]),
         })
     }
 }

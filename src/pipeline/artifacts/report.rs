@@ -333,7 +333,7 @@ struct GridFacts {
     /// Step of C, degrees.
     #[schemars(range(min = 0))]
     c_step_deg: f64,
-    /// Step of gamma, degrees.
+    /// Least step of gamma, degrees: in a narrow beam steps are uneven.
     #[schemars(range(min = 0))]
     gamma_step_deg: f64,
 }
@@ -341,7 +341,8 @@ struct GridFacts {
 impl GridFacts {
     fn new(grid: &crate::goniogram::SphereGrid) -> GridFacts {
         let (c_planes, gamma_nodes) = (grid.c_planes(), grid.gamma_nodes());
-        let (c_step, gamma_step) = (360.0 / c_planes as f64, 180.0 / (gamma_nodes - 1) as f64);
+        let c_step = 360.0 / c_planes as f64;
+        let gamma_step = grid.gamma_deg().windows(2).map(|pair| pair[1] - pair[0]).fold(180.0, f64::min);
         GridFacts { c_planes, gamma_nodes, c_step_deg: sum(c_step), gamma_step_deg: sum(gamma_step) }
     }
 }

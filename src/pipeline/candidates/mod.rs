@@ -25,7 +25,7 @@ use crate::vocabulary::watch::{Stage, StageWatch};
 use crate::volume::lattice::is_filled;
 use rayon::prelude::*;
 pub use sample::Sample;
-use sharpness::{Search, Sharp, patch, weight};
+use sharpness::{Search, Sharp, patch};
 use std::collections::VecDeque;
 use std::f64::consts::PI;
 use verification::verify;
@@ -204,16 +204,16 @@ fn log_radiances(model: &Model, source: &Source, rays: &[Ray]) -> Vec<f64> {
 
 /// Flux-weighted mean over rays.
 fn mean(values: &[f64], rays: &[Ray]) -> f64 {
-    let flux: f64 = rays.iter().map(weight).sum();
-    values.iter().zip(rays).map(|(value, ray)| weight(ray) * value).sum::<f64>() / flux
+    let flux: f64 = rays.iter().map(Ray::weight).sum();
+    values.iter().zip(rays).map(|(value, ray)| ray.weight() * value).sum::<f64>() / flux
 }
 
 /// Mean of the differences, and its standard error.
 fn gain(values: &[f64], before: &[f64], rays: &[Ray]) -> (f64, f64) {
     let differences: Vec<f64> = values.iter().zip(before).map(|(value, before)| value - before).collect();
     let mean = mean(&differences, rays);
-    let flux: f64 = rays.iter().map(weight).sum();
+    let flux: f64 = rays.iter().map(Ray::weight).sum();
     let square: f64 =
-        differences.iter().zip(rays).map(|(difference, ray)| (weight(ray) * (difference - mean)).powi(2)).sum();
+        differences.iter().zip(rays).map(|(difference, ray)| (ray.weight() * (difference - mean)).powi(2)).sum();
     (mean, square.sqrt() / flux)
 }

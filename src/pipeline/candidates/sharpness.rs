@@ -77,8 +77,8 @@ impl Search {
     /// Over some of `rays`, which are in random order; `None` where the light has no main direction.
     pub fn new(rays: &[Ray]) -> Option<Search> {
         let rays: Vec<Ray> = rays.iter().take(MOST_RAYS).copied().collect();
-        let flux: f64 = rays.iter().map(weight).sum();
-        let mean: DVec3 = rays.iter().map(|ray| weight(ray) * ray.direction).sum::<DVec3>() / flux;
+        let flux: f64 = rays.iter().map(Ray::weight).sum();
+        let mean: DVec3 = rays.iter().map(|ray| ray.weight() * ray.direction).sum::<DVec3>() / flux;
         if rays.len() < FEWEST_RAYS || mean.is_nan() || mean.length() < DIRECTED {
             return None;
         }
@@ -86,7 +86,7 @@ impl Search {
         let axis = if mean.normalize().dot(nearest) > ALONG_AXIS { nearest } else { mean.normalize() };
         let (across, _) = axis.any_orthonormal_pair();
         let mut range = [across, axis.cross(across), axis].map(|along| {
-            let at = rays.iter().map(|ray| (ray.origin_mm.dot(along), weight(ray))).collect();
+            let at = rays.iter().map(|ray| (ray.origin_mm.dot(along), ray.weight())).collect();
             quantiles(at, 1e-3)
         });
         let across_mm = (range[0][1] - range[0][0]).max(range[1][1] - range[1][0]);
@@ -128,7 +128,7 @@ impl Search {
     /// Where the virtual focus lies along the axis, mm; `None` where there is none within reach.
     fn focus_depth_mm(&self) -> Option<f64> {
         let mut sums = focus::Sums::default();
-        self.rays.iter().for_each(|ray| sums.add(ray.origin_mm - self.center_mm, ray.direction, weight(ray)));
+        self.rays.iter().for_each(|ray| sums.add(ray.origin_mm - self.center_mm, ray.direction, ray.weight()));
         let depth_mm = DVec3::from_array(sums.solve(DVec3::ZERO)?.point_mm).dot(self.axis);
         (depth_mm.abs() < FOCUS_WITHIN * self.size_mm).then_some(depth_mm)
     }
@@ -136,7 +136,7 @@ impl Search {
     /// How deep the origins lie behind those farthest ahead, mm.
     fn depth_mm(&self) -> f64 {
         let depth = |ray: &Ray| (self.center_mm - ray.origin_mm).dot(self.axis);
-        quantiles(self.rays.iter().map(|ray| (depth(ray), weight(ray))).collect(), 1e-3)[1].max(0.0)
+        quantiles(self.rays.iter().map(|ray| (depth(ray), ray.weight())).collect(), 1e-3)[1].max(0.0)
     }
 
     /// The best of `places` (curvature, depth), and of those around it in ever smaller steps.
@@ -185,11 +185,6 @@ impl Search {
     }
 }
 
-/// The weight of a ray.
-pub fn weight(ray: &Ray) -> f64 {
-    if ray.radiant_w > 0.0 { ray.radiant_w } else { ray.luminous_lm }
-}
-
 /// The rectangle of a surface that holds nearly all of the flux that meets it, and how much of it is lit.
 /// `None` where that is a point or a line.
 pub fn patch(surface: FocalSurface, rays: &[Ray]) -> Option<FocalPatch> {
@@ -197,7 +192,7 @@ pub fn patch(surface: FocalSurface, rays: &[Ray]) -> Option<FocalPatch> {
         .iter()
         .filter_map(|ray| {
             let crossing = surface.meet(ray.origin_mm, ray.direction)?;
-            (crossing.cosine > LEAST_COSINE).then_some((crossing.at_mm, weight(ray)))
+            (crossing.cosine > LEAST_COSINE).then_some((crossing.at_mm, ray.weight()))
         })
         .collect();
     let range = |axis: usize| {
@@ -274,9 +269,9 @@ fn predicted(surface: &FocalSurface, rays: &[Ray], size_mm: f64) -> Option<f64> 
                 normal: crossing.normal,
                 cosine: crossing.cosine.max(LEAST_COSINE),
                 bin: bin(surface.axes.transpose() * ray.direction),
-                weight: weight(ray),
+                weight: ray.weight(),
             }),
-            None => missed += weight(ray),
+            None => missed += ray.weight(),
         }
     }
     let [mut training, held_out] = halves;

@@ -3,7 +3,7 @@
 //! noise in the mean, so small errors show although every ray is random.
 
 use super::sample::Sample;
-use super::sharpness::{quantiles, weight};
+use super::sharpness::quantiles;
 use crate::error::Error;
 use crate::hull::{Carrier, Cloud};
 use crate::model::Model;
@@ -186,7 +186,7 @@ pub fn verify(
         let mut halves = [none.clone(), none.clone()];
         for ray in rays {
             if let Some(half) = sample.judging_half(ray) {
-                halves[half].add(&screens, ray.origin_mm, ray.direction, weight(ray));
+                halves[half].add(&screens, ray.origin_mm, ray.direction, ray.weight());
             }
         }
         Ok(halves)
@@ -196,7 +196,7 @@ pub fn verify(
         Cloud::new(source, Carrier::Origins).fold(watch.part(0.0, 0.5), [none.clone(), none.clone()], judge, merge)?;
     let drawing = watch.part(0.5, 1.0);
     let mut rays = none.clone();
-    sample.training.rays.iter().for_each(|ray| rays.add(&screens, ray.origin_mm, ray.direction, weight(ray)));
+    sample.training.rays.iter().for_each(|ray| rays.add(&screens, ray.origin_mm, ray.direction, ray.weight()));
     let sampler = Sampler::new(model, &evaluator);
     let draw = |half: u64| {
         let batch = |number: u64| -> Result<Counts, Error> {

@@ -1,6 +1,6 @@
 //! Directions to intensities.
 
-use super::beam::Beam;
+use super::beam::{Beam, NarrowBeam};
 use super::mixture::Shares;
 use super::smoothing::{Directions, Estimates, add, add_up};
 use super::sphere::SphereGrid;
@@ -109,11 +109,15 @@ impl Grids {
         options: &GoniogramOptions,
         zones: usize,
         bands: usize,
+        narrow: Option<&NarrowBeam>,
     ) -> Grids {
         let grid = |gamma_deg: f64, c_deg: f64| {
             SphereGrid::new((180.0 / gamma_deg).round() as usize, (360.0 / c_deg).round() as usize)
         };
         let (gamma_deg, c_deg) = Grids::steps_deg(directions, frame, options, zones);
+        if let Some(beam) = narrow {
+            return Grids::narrow(beam, zones, bands);
+        }
         let numbers = |grid: &SphereGrid| (grid.gamma_nodes() * grid.c_planes() * bands * (zones + 1)) as f64;
         let spectral = SPECTRAL_STEPS_DEG.map(|(gamma_deg, c_deg)| grid(gamma_deg, c_deg));
         let [.., coarsest] = spectral.clone();
@@ -121,6 +125,32 @@ impl Grids {
             fine: grid(gamma_deg, c_deg),
             spectral: spectral.into_iter().find(|grid| numbers(grid) <= MOST_SPECTRAL_NUMBERS).unwrap_or(coarsest),
         }
+    }
+
+    /// Grids whose nodes of γ follow a narrow beam; the spectral one as fine as there is room.
+    fn narrow(beam: &NarrowBeam, zones: usize, bands: usize) -> Grids {
+        let (gamma_deg, planes) = beam.nodes();
+        let numbers = |grid: &SphereGrid| (grid.gamma_nodes() * grid.c_planes() * bands) as f64 * (zones as f64 + 1.0);
+        let every = |step: usize| {
+            let (first, last) = (gamma_deg.iter().step_by(step), gamma_deg.len() - 1);
+            let last = gamma_deg.get(last).filter(|_| !last.is_multiple_of(step));
+            first.chain(last).copied().collect::<Vec<f64>>()
+        };
+        let spectral = [(1, 3), (2, 6), (4, 6)].map(|(step, parts)| SphereGrid::uneven(every(step), planes / parts));
+        let [.., coarsest] = spectral.clone();
+        Grids {
+            spectral: spectral.into_iter().find(|grid| numbers(grid) <= MOST_SPECTRAL_NUMBERS).unwrap_or(coarsest),
+            fine: SphereGrid::uneven(gamma_deg, planes),
+        }
+    }
+
+    /// How many zones with the grids of a narrow beam there is room for.
+    pub fn most_narrow_zones(beam: &NarrowBeam, bands: usize) -> usize {
+        let Grids { fine, spectral } = Grids::narrow(beam, 1_000_000, bands);
+        let cells = |grid: &SphereGrid| (grid.gamma_nodes() * grid.c_planes()) as f64;
+        let (by_bytes, by_numbers) =
+            (MOST_BYTES / (LIT_BYTES * cells(&fine)), MOST_SPECTRAL_NUMBERS / (cells(&spectral) * bands.max(1) as f64));
+        by_bytes.min(by_numbers) as usize
     }
 
     /// What each zone's own vertices were counted to send, from the sums of all zones (sites `zone × cells + cell`).

@@ -28,11 +28,15 @@ use crate::flux::Surface;
 use crate::flux::project::Landing;
 use crate::flux::tally::{Deposit, Quanta, Tally};
 use crate::hull::{Carrier, Cloud, Hull};
+use crate::inspection::sample::hash;
+use crate::rays::direction_cube::DirectionCube;
 use crate::source::Ray;
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::space::Frame;
 use crate::vocabulary::watch::StageWatch;
+use beam::NarrowBeam;
+use glam::DVec3;
 use intensity::Grids;
 use mixture::Shares;
 use zone::Zoning;
@@ -87,6 +91,7 @@ impl Goniograms {
 pub struct Plan {
     zoning: Zoning,
     grids: Grids,
+    narrow: Option<NarrowBeam>,
     fine: Tally,
     /// Without sites where there is no spectrum.
     spectral: Option<Tally>,
@@ -100,34 +105,37 @@ pub fn plan(
     cloud: &Cloud<'_>,
     hull: &Hull,
     sketch: &Surface,
+    sample: &[Ray],
     options: &GoniogramOptions,
     limits: &Limits,
 ) -> Result<Plan, Error> {
     let frame = orientation::frame(&cloud.source.survey.directions, options)?;
+    let narrow = narrow_beam(cloud, &frame, sample, options);
     let asked = options.zones.map(|zones| (zones.columns, zones.rows));
     let zoning = match (asked, options.zoning()) {
         (None, ZoneLayout::Auto) if options.smooths() => {
-            Zoning::along(hull, sketch, frame, most_zones(cloud, &frame, options))
+            Zoning::along(hull, sketch, frame, most_zones(cloud, &frame, options, narrow.as_ref()))
         }
         _ => Zoning::on_lattice(hull, sketch, frame, asked),
     };
     let (spectrum, zones) = (cloud.spectral(), zoning.zones.len());
     let bands = if spectrum.has_bands() { spectrum.bands.len() } else { 0 };
-    let grids = Grids::new(&cloud.source.survey.directions, &frame, options, zones, bands);
+    let grids = Grids::new(&cloud.source.survey.directions, &frame, options, zones, bands, narrow.as_ref());
     let quanta = Quanta::of(cloud);
     let fine = Tally::new(&quanta, zones * grids.fine.cell_count(), false, limits)?;
     let spectral = (spectrum.column_count() > 0)
         .then(|| Tally::new(&quanta, zones * grids.spectral.cell_count(), true, limits))
         .transpose()?;
-    Ok(Plan { zoning, grids, fine, spectral })
+    Ok(Plan { zoning, grids, narrow, fine, spectral })
 }
 
 impl Plan {
     /// Adds a ray that landed to the cells of the zones its triangle's corners belong to, by the weights at its landing point: a zone's
     /// flux is the flux of its vertices before smoothing. Sites are `zone × cells + cell`, over the fine and the spectral grid.
     pub fn add(&self, hull: &Hull, ray: &Ray, landing: &Landing, deposit: &Deposit) {
-        let Plan { zoning, grids, fine, spectral } = self;
-        let (c, gamma) = zoning.frame.angles(ray.direction);
+        let Plan { zoning, grids, narrow, fine, spectral } = self;
+        let direction = narrow.as_ref().map_or(ray.direction, |beam| beam.shown(ray.direction, hash(ray.index)));
+        let (c, gamma) = zoning.frame.angles(direction);
         let cell = grids.fine.cell(c, gamma);
         let spectral = spectral.as_ref().map(|tally| (tally, grids.spectral.cell(c, gamma)));
         let put = |zone: u32, part: &Deposit| {
@@ -156,7 +164,7 @@ impl Plan {
         options: &GoniogramOptions,
         watch: StageWatch<'_>,
     ) -> Result<Goniograms, Error> {
-        let Plan { mut zoning, grids, fine, spectral } = self;
+        let Plan { mut zoning, grids, fine, spectral, .. } = self;
         zoning.describe(hull, surface);
         let spectrum = cloud.spectral();
         let spectral = spectral.map(Tally::amounts);
@@ -207,9 +215,26 @@ impl Plan {
     }
 }
 
+/// The beam of the rays of a sample, where it is narrow and no steps were asked for.
+fn narrow_beam(cloud: &Cloud<'_>, frame: &Frame, sample: &[Ray], options: &GoniogramOptions) -> Option<NarrowBeam> {
+    if options.gamma_step_deg.is_some() || options.c_step_deg.is_some() || options.zoning() == ZoneLayout::Paper {
+        return None;
+    }
+    let directions = &cloud.source.survey.directions;
+    let intensity = |cell: usize| directions.flux[cell] / DirectionCube::solid_angle_sr(cell);
+    let brightest =
+        (0..DirectionCube::CELLS).fold(0, |best, cell| if intensity(cell) > intensity(best) { cell } else { best });
+    let rays: Vec<(DVec3, f64)> = sample.iter().map(|ray| (ray.direction, ray.weight())).collect();
+    NarrowBeam::of(&rays, DirectionCube::center(brightest), frame.nadir.vector())
+}
+
 /// Most zones that follow the surface, so that all of their cells stay few: narrow beams, fine grids and many bands leave room for
 /// fewer zones.
-fn most_zones(cloud: &Cloud<'_>, frame: &Frame, options: &GoniogramOptions) -> usize {
+fn most_zones(cloud: &Cloud<'_>, frame: &Frame, options: &GoniogramOptions, narrow: Option<&NarrowBeam>) -> usize {
+    if let Some(beam) = narrow {
+        let bands = if cloud.spectral().has_bands() { cloud.spectral().bands.len() } else { 0 };
+        return Grids::most_narrow_zones(beam, bands).clamp(1, MOST_ZONES);
+    }
     let directions = &cloud.source.survey.directions;
     let (gamma_deg, c_deg) = Grids::steps_deg(directions, frame, options, MOST_ZONES);
     let columns = COARSEST_CELLS * cloud.spectral().column_count().max(1) as f64;

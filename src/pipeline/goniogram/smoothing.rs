@@ -30,12 +30,13 @@ const SAMPLES: usize = 3;
 /// Directions spread over each cell of `grid`, and the solid angle that each stands for.
 fn samples(grid: &SphereGrid) -> Vec<Vec<(DVec3, f64)>> {
     let (last, planes) = (grid.gamma_nodes() - 1, grid.c_planes());
-    let (dg, dc) = (PI / last as f64, TAU / planes as f64);
+    let dc = TAU / planes as f64;
     let nodes = grid.cell_nodes();
-    let of_cell = |(cell, (c, gamma)): (usize, &(f64, f64))| {
+    let of_cell = |(cell, (c, _)): (usize, &(f64, f64))| {
         let cap = cell == 0 || cell + 1 == nodes.len();
         let (width, columns) = if cap { (TAU, SAMPLES * planes) } else { (dc, SAMPLES) };
-        let (low, high) = ((gamma - 0.5 * dg).max(0.0), (gamma + 0.5 * dg).min(PI));
+        let node = if cell == 0 { 0 } else { ((cell - 1) / planes + 1).min(last) };
+        let [low, high] = grid.gamma_borders(node);
         let at = |row: usize| low + (high - low) * row as f64 / SAMPLES as f64;
         let row = |row: usize| {
             let (from, to) = (at(row), at(row + 1));
@@ -51,9 +52,10 @@ fn samples(grid: &SphereGrid) -> Vec<Vec<(DVec3, f64)>> {
 }
 
 impl<'a> Directions<'a> {
-    /// The cells of `grid`, each joined to its neighbours as strongly as their common edge is long and their nodes are close.
+    /// The cells of `grid`, each joined to its neighbours as strongly as their common edge is long and their nodes are close; uneven nodes of
+    /// γ count as even ones, so that a narrow beam is seen as wide as its grid shows it.
     pub fn new(grid: &'a SphereGrid) -> Directions<'a> {
-        let nodes = grid.cell_nodes();
+        let nodes = SphereGrid::new(grid.gamma_nodes() - 1, grid.c_planes()).cell_nodes();
         let at = |(c, gamma): &(f64, f64)| DVec3::new(gamma.sin() * c.cos(), gamma.sin() * c.sin(), gamma.cos());
         let points: Vec<DVec3> = nodes.iter().map(at).collect();
         let (last, planes) = (grid.gamma_nodes() - 1, grid.c_planes());
@@ -89,7 +91,7 @@ impl<'a> Directions<'a> {
     }
 
     /// `prior` with the distribution over γ that was counted, smoothed: what a source that is alike all round would send.
-    fn turned(&self, counted: &[f64], prior: &[f64], ray: f64) -> Vec<f64> {
+    fn turned(&self, counted: &[f64], prior: &[f64], ray: f64) -> Refined {
         let last = self.grid.gamma_nodes() - 1;
         let mut ring_of_cell = vec![0; prior.len()];
         for (c, k) in (0..self.grid.c_planes()).flat_map(|c| (0..=last).map(move |k| (c, k))) {
@@ -101,9 +103,12 @@ impl<'a> Directions<'a> {
             sums
         };
         let expected = ring_sums(prior);
-        let refined = refine(&self.rings, &ring_sums(counted), &expected, ray).amounts;
-        let factor = |ring: usize| if expected[ring] > 0.0 { refined[ring] / expected[ring] } else { 0.0 };
-        prior.iter().zip(&ring_of_cell).map(|(amount, ring)| amount * factor(*ring)).collect()
+        let refined = refine(&self.rings, &ring_sums(counted), &expected, ray);
+        let factor = |ring: usize| if expected[ring] > 0.0 { refined.amounts[ring] / expected[ring] } else { 0.0 };
+        Refined {
+            amounts: prior.iter().zip(&ring_of_cell).map(|(amount, ring)| amount * factor(*ring)).collect(),
+            variance: ring_of_cell.iter().map(|ring| refined.variance[*ring]).collect(),
+        }
     }
 
     /// Flux per cell of a source that sends equally into all directions, as far as `counted` does not say otherwise.
@@ -112,13 +117,16 @@ impl<'a> Directions<'a> {
     }
 
     /// Flux per cell of a source whose cells counted `counted`, from the form `prior`.
-    fn estimate(&self, counted: &[f64], prior: &[f64], ray: f64) -> Refined {
+    fn estimate(&self, counted: &[f64], prior: &Refined, ray: f64) -> Refined {
         let total: f64 = counted.iter().sum();
         let scale = |values: &[f64]| total / values.iter().sum::<f64>().max(f64::MIN_POSITIVE);
         let blurred = self.levels.blurred(counted, &self.solid_angles_sr);
-        let (a, b) = ((1.0 - SEEN) * scale(prior), SEEN * scale(&blurred));
-        let prior: Vec<f64> = prior.iter().zip(&blurred).map(|(prior, seen)| a * prior + b * seen).collect();
-        refine(&self.levels, counted, &prior, ray)
+        let (a, b) = ((1.0 - SEEN) * scale(&prior.amounts), SEEN * scale(&blurred));
+        let expected: Vec<f64> = prior.amounts.iter().zip(&blurred).map(|(prior, seen)| a * prior + b * seen).collect();
+        let mut refined = refine(&self.levels, counted, &expected, ray);
+        // The prior is made of the same rays, and has their noise.
+        refined.variance.iter_mut().zip(&prior.variance).for_each(|(sum, more)| *sum += more);
+        refined
     }
 
     /// The primary flux of each zone per cell, smoothed: the whole source first, then zones of one kind together, then each.
@@ -298,7 +306,8 @@ mod tests {
                 let counted = count(exact, rays, 1);
                 let raw = error(&counted, exact, &solid_angles_sr);
                 let turned = directions.turned(&counted, prior, 1.0);
-                for from in [prior, &turned] {
+                let even = Refined { amounts: prior.clone(), variance: vec![0.0; prior.len()] };
+                for from in [&even, &turned] {
                     let found = directions.estimate(&counted, from, 1.0);
                     let left = error(&found.amounts, exact, &solid_angles_sr) / raw;
                     println!("{rays} rays, {name}: {left:.3} of {raw:.4} is left");

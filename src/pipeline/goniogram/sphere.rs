@@ -1,16 +1,18 @@
 //! The grid of directions: the one owner of the binning rule.
 //!
-//! Node-centred cells (`pipeline/README.md` 4): γ nodes 0, step, …, 180; C nodes 0, step, … below 360. A node's cell reaches halfway
+//! Node-centred cells (`pipeline/README.md` 4): γ nodes from 0 to 180, in even steps or closer together in a narrow beam; C nodes 0, step, …
+//! below 360. A node's cell reaches halfway
 //! to its neighbours; the pole cells are caps shared by all C. A cell's value is its mean; between nodes values are bilinear in
 //! C and γ.
 
 use std::f64::consts::{PI, TAU};
 
-/// A regular node-centred polar grid. Values over it are `[c][gamma]`, pole values repeated for every C.
+/// A node-centred polar grid, regular in C. Values over it are `[c][gamma]`, pole values repeated for every C.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SphereGrid {
-    /// γ intervals: nodes are 0..=gamma_count, step 180/gamma_count degrees.
-    gamma_count: usize,
+    /// γ nodes, degrees, from 0 to 180, and radians.
+    gamma_deg: Vec<f64>,
+    gamma: Vec<f64>,
     /// C planes: step 360/c_count degrees.
     c_count: usize,
 }
@@ -18,12 +20,30 @@ pub struct SphereGrid {
 impl SphereGrid {
     /// `gamma_count` intervals from nadir to zenith (at least 2), `c_count` planes (at least 1).
     pub fn new(gamma_count: usize, c_count: usize) -> SphereGrid {
-        SphereGrid { gamma_count: gamma_count.max(2), c_count: c_count.max(1) }
+        let intervals = gamma_count.max(2);
+        SphereGrid::uneven((0..=intervals).map(|k| k as f64 * 180.0 / intervals as f64).collect(), c_count)
+    }
+
+    /// With γ nodes at `gamma_deg`: at least three, increasing from 0 to 180.
+    pub fn uneven(gamma_deg: Vec<f64>, c_count: usize) -> SphereGrid {
+        let gamma = gamma_deg.iter().map(|degrees| degrees.to_radians()).collect();
+        SphereGrid { gamma_deg, gamma, c_count: c_count.max(1) }
     }
 
     /// γ nodes, degrees, first 0, last 180.
     pub fn gamma_deg(&self) -> Vec<f64> {
-        (0..=self.gamma_count).map(|k| k as f64 * 180.0 / self.gamma_count as f64).collect()
+        self.gamma_deg.clone()
+    }
+
+    /// A γ node, radians.
+    pub fn gamma(&self, node: usize) -> f64 {
+        self.gamma[node]
+    }
+
+    /// Where the cells of a γ node begin and end, radians.
+    pub fn gamma_borders(&self, node: usize) -> [f64; 2] {
+        let (here, last) = (self.gamma[node], self.gamma.len() - 1);
+        [0.5 * (here + self.gamma[node.saturating_sub(1)]), 0.5 * (here + self.gamma[(node + 1).min(last)])]
     }
 
     /// C nodes, degrees, first 0, last below 360.
@@ -33,7 +53,7 @@ impl SphereGrid {
 
     /// Number of γ nodes.
     pub fn gamma_nodes(&self) -> usize {
-        self.gamma_count + 1
+        self.gamma.len()
     }
 
     /// Number of C planes.
@@ -43,21 +63,22 @@ impl SphereGrid {
 
     /// Number of distinct cells: two caps and a ring of C planes for each γ node between.
     pub fn cell_count(&self) -> usize {
-        2 + (self.gamma_count - 1) * self.c_count
+        2 + (self.gamma.len() - 2) * self.c_count
     }
 
     /// The cell of `(C, γ)` radians.
     pub fn cell(&self, c: f64, gamma: f64) -> usize {
-        let k = (gamma * self.gamma_count as f64 / PI).round().clamp(0.0, self.gamma_count as f64);
+        let above = self.gamma.partition_point(|node| *node <= gamma).clamp(1, self.gamma.len() - 1);
+        let k = if gamma < self.gamma_borders(above)[0] { above - 1 } else { above };
         let j = (c * self.c_count as f64 / TAU).round() as usize % self.c_count;
-        self.cell_of_node(j, k as usize)
+        self.cell_of_node(j, k)
     }
 
     /// The cell of node `(C plane, γ node)`.
     pub fn cell_of_node(&self, c: usize, gamma: usize) -> usize {
         match gamma {
             0 => 0,
-            k if k == self.gamma_count => self.cell_count() - 1,
+            k if k + 1 == self.gamma.len() => self.cell_count() - 1,
             k => 1 + (k - 1) * self.c_count + c,
         }
     }
@@ -67,7 +88,7 @@ impl SphereGrid {
         let per_plane = self.plane_solid_angles_sr();
         let mut cells = vec![0.0; self.cell_count()];
         for (k, solid_angle) in per_plane.iter().enumerate() {
-            let pole = k == 0 || k == self.gamma_count;
+            let pole = k == 0 || k + 1 == self.gamma.len();
             for c in 0..if pole { 1 } else { self.c_count } {
                 cells[self.cell_of_node(c, k)] = if pole { solid_angle * self.c_count as f64 } else { *solid_angle };
             }
@@ -78,19 +99,21 @@ impl SphereGrid {
     /// Solid angle of γ node k's cell for one C plane, sr: the schema's `solid_angle_sr`. Times the number of planes they sum
     /// to 4π.
     pub fn plane_solid_angles_sr(&self) -> Vec<f64> {
-        let step = PI / self.gamma_count as f64;
-        let edge = |k: f64| (k * step).clamp(0.0, PI).cos();
         let width = TAU / self.c_count as f64;
-        (0..=self.gamma_count).map(|k| width * (edge(k as f64 - 0.5) - edge(k as f64 + 0.5))).collect()
+        let solid_angle = |node: usize| {
+            // cos a − cos b, exact for borders that are close.
+            let [from, to] = self.gamma_borders(node);
+            width * 2.0 * (0.5 * (from + to)).sin() * (0.5 * (to - from)).sin()
+        };
+        (0..self.gamma.len()).map(solid_angle).collect()
     }
 
     /// `(C, γ)` radians of each cell's node; caps say C = 0.
     pub fn cell_nodes(&self) -> Vec<(f64, f64)> {
         let mut nodes = vec![(0.0, 0.0); self.cell_count()];
-        for k in 1..self.gamma_count {
+        for k in 1..self.gamma.len() - 1 {
             for c in 0..self.c_count {
-                nodes[self.cell_of_node(c, k)] =
-                    (c as f64 * TAU / self.c_count as f64, k as f64 * PI / self.gamma_count as f64);
+                nodes[self.cell_of_node(c, k)] = (c as f64 * TAU / self.c_count as f64, self.gamma[k]);
             }
         }
         nodes[self.cell_count() - 1] = (0.0, PI);
@@ -101,7 +124,7 @@ impl SphereGrid {
     pub fn nodes_from_cells(&self, cells: &[f64]) -> Vec<f64> {
         let mut nodes = Vec::with_capacity(self.c_count * self.gamma_nodes());
         for c in 0..self.c_count {
-            for k in 0..=self.gamma_count {
+            for k in 0..self.gamma.len() {
                 nodes.push(cells[self.cell_of_node(c, k)]);
             }
         }
@@ -113,9 +136,10 @@ impl SphereGrid {
     /// Intensity between the nodes: bilinear in C and γ over `[c][gamma]` values.
     pub fn interpolate(&self, nodes: &[f64], c: f64, gamma: f64) -> f64 {
         let along_c = (c / TAU * self.c_count as f64).rem_euclid(self.c_count as f64);
-        let along_gamma = (gamma / PI * self.gamma_count as f64).clamp(0.0, self.gamma_count as f64);
-        let (j, k) = (along_c as usize % self.c_count, (along_gamma as usize).min(self.gamma_count - 1));
-        let (u, v) = (along_c - along_c.floor(), along_gamma - k as f64);
+        let k = self.gamma.partition_point(|node| *node <= gamma).clamp(1, self.gamma.len() - 1) - 1;
+        let j = along_c as usize % self.c_count;
+        let u = along_c - along_c.floor();
+        let v = ((gamma - self.gamma[k]) / (self.gamma[k + 1] - self.gamma[k])).clamp(0.0, 1.0);
         let at = |j: usize, k: usize| nodes[(j % self.c_count) * self.gamma_nodes() + k];
         let lerp = |a: f64, b: f64, share: f64| a + share * (b - a);
         lerp(lerp(at(j, k), at(j + 1, k), u), lerp(at(j, k + 1), at(j + 1, k + 1), u), v)
@@ -124,15 +148,21 @@ impl SphereGrid {
     /// Weights W_k with `Σ_c Σ_k W_k value[c][k] = ∫ interpolate dΩ` exactly, sr, one per γ node: the hat function of a node times
     /// sin γ, integrated. They sum to 4π over all C and differ from the cells' solid angles by less than step²/12.
     pub fn interpolation_weights_sr(&self) -> Vec<f64> {
-        let step = PI / self.gamma_count as f64;
         let width = TAU / self.c_count as f64;
-        (0..=self.gamma_count)
-            .map(|k| match k {
-                0 => width * (1.0 - step.sin() / step),
-                k if k == self.gamma_count => width * (1.0 - step.sin() / step),
-                k => width * (k as f64 * step).sin() * 4.0 * (0.5 * step).sin().powi(2) / step,
-            })
-            .collect()
+        let sides = |k: usize| self.hat_side(k, -1.0) + self.hat_side(k, 1.0);
+        (0..self.gamma.len()).map(|k| width * sides(k)).collect()
+    }
+
+    /// ∫ (1 − s/h) sin(γ ± s) ds over 0..h: half of a node's hat function, towards the next node (`sign` +1) or the one before (−1),
+    /// which is at the distance h; 0 where there is none.
+    pub fn hat_side(&self, node: usize, sign: f64) -> f64 {
+        let neighbour = if sign > 0.0 { Some(node + 1) } else { node.checked_sub(1) };
+        let Some(next) = neighbour.and_then(|node| self.gamma.get(node)) else { return 0.0 };
+        let (here, h) = (self.gamma[node], (next - self.gamma[node]).abs());
+        // ± (cos γ − sin h' cos(γ ± h') ) with sin and cos of half steps would lose digits: series of sin h / h and (1 − cos h) / h.
+        let sinc = if h < 1e-3 { h * h / 6.0 * (1.0 - h * h / 20.0) } else { 1.0 - h.sin() / h };
+        let versed = 2.0 * (0.5 * h).sin().powi(2) / h;
+        here.sin() * versed + sign * here.cos() * sinc
     }
 
     /// `∫ interpolate dΩ` of `[c][gamma]` values.

@@ -72,7 +72,7 @@ impl Model {
         let pilot = pilot.filter(|_| options.goniogram.zoning() == ZoneLayout::Auto).unwrap_or(cloud);
         let sketch = flux::project(pilot, &hull, &options.flux, limits, flux_stage.part(0.0, 0.3), |_, _, _| ())?;
         let rays = cloud.ray_count() as f64 / pilot.ray_count().max(1) as f64;
-        let plan = goniogram::plan(cloud, &hull, &sketch.of_more_rays(rays), &options.goniogram, limits)?;
+        let plan = goniogram::plan(cloud, &hull, &sketch.of_more_rays(rays), sample, &options.goniogram, limits)?;
         let add = |ray: &Ray, landing: Option<&Landing>, deposit: &Deposit| {
             if let Some(landing) = landing {
                 plan.add(&hull, ray, landing, deposit);

@@ -95,10 +95,12 @@ impl<'a> Sampler<'a> {
         let wanted = total * uniform(random);
         let node = running.partition_point(|running| *running <= wanted).min(running.len() - 1);
         let (c, k) = (node / grid.gamma_nodes(), node % grid.gamma_nodes());
-        let (dc, dg) = (TAU / grid.c_planes() as f64, PI / (grid.gamma_nodes() - 1) as f64);
+        let dc = TAU / grid.c_planes() as f64;
         let c = (c as f64 + uniform(random) - uniform(random)) * dc;
-        let from = k as f64 * dg;
-        let sign = if uniform(random) < self.below[k] { -1.0 } else { 1.0 };
+        let from = grid.gamma(k);
+        let below = uniform(random) < self.below[k];
+        let (sign, next) = if below { (-1.0, k - 1) } else { (1.0, k + 1) };
+        let dg = (grid.gamma(next) - from).abs();
         let largest =
             from.sin().max((from + sign * dg).sin()).max(if (from - PI / 2.0).abs() < dg { 1.0 } else { 0.0 });
         let gamma = loop {
@@ -114,19 +116,9 @@ impl<'a> Sampler<'a> {
 
 /// Of ∫ hat(γ) sin γ dγ round each node, the part on the side of smaller γ.
 fn below(grid: &SphereGrid) -> Vec<f64> {
-    let last = grid.gamma_nodes() - 1;
-    let step = PI / last as f64;
-    let side = |k: usize, sign: f64| {
-        // ∫ (1 − s/h) sin(a ± s) ds over 0..h.
-        let a = k as f64 * step;
-        sign * (a.cos() - sign * ((a + sign * step).sin() - a.sin()) / step)
-    };
-    let part = |k: usize| match k {
-        0 => 0.0,
-        k if k == last => 1.0,
-        k => side(k, -1.0) / (side(k, -1.0) + side(k, 1.0)),
-    };
-    (0..=last).map(part).collect()
+    let part = |k: usize| grid.hat_side(k, -1.0) / (grid.hat_side(k, -1.0) + grid.hat_side(k, 1.0));
+    // Exactly 0 and 1 at the poles, beyond which there is nothing.
+    (0..grid.gamma_nodes()).map(part).collect()
 }
 
 /// An index, as often as its weight says.

@@ -47,6 +47,13 @@ pub struct Ray {
     pub xz_lm: [f64; 2],
 }
 
+impl Ray {
+    /// What weights rays where one number is wanted: radiant flux where known, else luminous.
+    pub fn weight(&self) -> f64 {
+        if self.radiant_w > 0.0 { self.radiant_w } else { self.luminous_lm }
+    }
+}
+
 /// How the source's spectrum is carried through the pipeline: rays deposit into columns, columns become bands at the end.
 /// A column is a basis spectrum, so a spectral table shared by all rays costs one column and not 40 bands.
 #[derive(Clone, Debug, PartialEq)]
