@@ -39,8 +39,10 @@ const FOCUS_WITHIN: f64 = 3.0;
 const PLANES: usize = 25;
 const DEPTHS: usize = 9;
 const CURVATURES: [f64; 8] = [-0.9, -0.6, -0.3, 0.2, 0.4, 0.7, 1.0, 1.4];
-/// Then places around the best, in steps that are halved so often where none is better, in at most so many rounds.
-const HALVED: usize = 8;
+/// Then places around the best, in steps that are halved so often where none is better, in at most so many rounds: first by a few rays, ...
+const COARSE: Effort = Effort { rays: 5_000, halvings: HALVINGS - 2, halved: 4 };
+/// ... then by all.
+const FINE: Effort = Effort { rays: MOST_RAYS, halvings: HALVINGS, halved: 8 };
 const MOST_ROUNDS: usize = 40;
 /// Parts of the flux left aside on each side of a patch on a plane and on a sphere, ...
 const ASIDE: [f64; 2] = [2e-3, 1e-4];
@@ -60,6 +62,13 @@ pub struct Sharp {
     pub surface: FocalSurface,
     /// Mean logarithm of the radiance that is predicted for the rays held out, their flux 1, mm and sr.
     pub log_radiance: f64,
+}
+
+/// How carefully surfaces are judged: by how many rays, in places halved how often, until steps were halved how often.
+struct Effort {
+    rays: usize,
+    halvings: u32,
+    halved: usize,
 }
 
 /// Mean logarithm of the radiance, and the curvature (1/mm) and the depth (mm) of the surface that has it.
@@ -101,7 +110,7 @@ impl Search {
 
     /// The plane across the main direction through the origins farthest ahead: what a flat source is.
     pub fn given(&self) -> Option<Sharp> {
-        self.try_at(0.0, 0.0)
+        self.try_at(0.0, 0.0, &FINE)
     }
 
     /// The sharpest plane and the sharpest sphere.
@@ -146,19 +155,23 @@ impl Search {
         mut curvature_step: f64,
         watch: StageWatch<'_>,
     ) -> Result<Option<Sharp>, Error> {
-        let best_of = |places: &[(f64, f64)], done: f64| -> Result<Option<Tried>, Error> {
+        let best_of = |places: &[(f64, f64)], effort: &Effort, done: f64| -> Result<Option<Tried>, Error> {
             let sharp = |at: &(f64, f64)| {
                 watch.step(done)?;
-                Ok(self.try_at(at.0, at.1).map(|sharp| (sharp.log_radiance, *at)))
+                Ok(self.try_at(at.0, at.1, effort).map(|sharp| (sharp.log_radiance, *at)))
             };
             let tried = places.par_iter().map(sharp).collect::<Result<Vec<_>, Error>>()?;
             Ok(tried.into_iter().flatten().reduce(|best, next| if next.0 > best.0 { next } else { best }))
         };
-        let Some(mut best) = best_of(&places, 0.0)? else { return Ok(None) };
+        let Some(mut best) = best_of(&places, &COARSE, 0.0)? else { return Ok(None) };
         let mut depth_step = self.size_mm / 8.0;
-        let mut halved = 0;
+        let (mut halved, mut effort) = (0, &COARSE);
         for _ in 0..MOST_ROUNDS {
-            if halved == HALVED {
+            if halved == COARSE.halved && effort.rays < FINE.rays {
+                effort = &FINE;
+                best = best_of(&[best.1], effort, 0.5)?.unwrap_or(best);
+            }
+            if halved == FINE.halved {
                 break;
             }
             let (curvature, depth) = best.1;
@@ -167,7 +180,9 @@ impl Search {
                 .map(|(c, z)| (curvature + c * curvature_step, depth + z * depth_step))
                 .filter(|(c, _)| curvature == 0.0 || *c != 0.0)
                 .collect();
-            match best_of(&around, 0.5 + 0.5 * halved as f64 / HALVED as f64)?.filter(|next| next.0 > best.0) {
+            match best_of(&around, effort, 0.5 + 0.5 * halved as f64 / FINE.halved as f64)?
+                .filter(|next| next.0 > best.0)
+            {
                 Some(next) => best = next,
                 None => {
                     (depth_step, curvature_step) = (depth_step / 2.0, curvature_step / 2.0);
@@ -175,12 +190,14 @@ impl Search {
                 }
             }
         }
-        Ok(self.try_at(best.1.0, best.1.1))
+        Ok(self.try_at(best.1.0, best.1.1, &FINE))
     }
 
-    fn try_at(&self, curvature_per_mm: f64, depth_mm: f64) -> Option<Sharp> {
+    fn try_at(&self, curvature_per_mm: f64, depth_mm: f64, effort: &Effort) -> Option<Sharp> {
         let surface = FocalSurface::new(self.center_mm + depth_mm * self.axis, self.axis, curvature_per_mm);
-        let log_radiance = predicted(&surface, &self.rays, self.size_mm).filter(|log| log.is_finite())?;
+        let log_radiance =
+            predicted(&surface, &self.rays[..self.rays.len().min(effort.rays)], self.size_mm, effort.halvings)
+                .filter(|log| log.is_finite())?;
         Some(Sharp { surface, log_radiance })
     }
 }
@@ -260,7 +277,7 @@ struct Met {
 }
 
 /// Mean logarithm of the radiance predicted for every second ray, learnt from the others; `None` where too many rays miss the surface.
-fn predicted(surface: &FocalSurface, rays: &[Ray], size_mm: f64) -> Option<f64> {
+fn predicted(surface: &FocalSurface, rays: &[Ray], size_mm: f64, halvings: u32) -> Option<f64> {
     let (mut halves, mut missed) = ([Vec::new(), Vec::new()], 0.0);
     for (k, ray) in rays.iter().enumerate() {
         match surface.meet(ray.origin_mm, ray.direction) {
@@ -276,12 +293,12 @@ fn predicted(surface: &FocalSurface, rays: &[Ray], size_mm: f64) -> Option<f64> 
     }
     let [mut training, held_out] = halves;
     let met: f64 = training.iter().chain(&held_out).map(|met| met.weight).sum();
-    if met < MEETS * (met + missed) || training.len() < 2 << HALVINGS {
+    if met < MEETS * (met + missed) || training.len() < 2 << halvings {
         return None;
     }
     let flux: f64 = training.iter().map(|met| met.weight).sum();
     training.iter_mut().for_each(|met| met.weight /= flux);
-    let places = Places::of(&mut training, (LEAST_WIDTH * size_mm).powi(2));
+    let places = Places::of(&mut training, (LEAST_WIDTH * size_mm).powi(2), halvings);
     let solid_angles_sr = solid_angles_sr();
     let mut sent = vec![0.0; solid_angles_sr.len()];
     training.iter().for_each(|met| sent[met.bin] += met.weight);
@@ -340,8 +357,8 @@ struct Places {
 }
 
 impl Places {
-    fn of(rays: &mut [Met], least_mm2: f64) -> Places {
-        let count = 1 << HALVINGS;
+    fn of(rays: &mut [Met], least_mm2: f64, halvings: u32) -> Places {
+        let count = 1 << halvings;
         let mut places = Places { cuts: vec![(0, 0.0); count], areas_mm2: vec![0.0; count], flux: vec![0.0; count] };
         let (mut least, mut greatest) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         rays.iter().for_each(|met| (least, greatest) = (least.min(met.at_mm), greatest.max(met.at_mm)));
