@@ -174,7 +174,10 @@ fn flux_rows(table: &mut Table, model: &Model) {
 fn quality_rows(table: &mut Table, model: &Model) {
     let Some(study) = &model.study else { return };
     if let Some(surface) = study.surface() {
-        let of = format!("best of {} surfaces", study.candidates.len());
+        let of = match study.candidates.len() {
+            1 => String::new(),
+            tried => format!("best of {tried}"),
+        };
         table.row("light", ["put".into(), surface.to_string(), of]);
     }
     for view in [View::Plane(0.5), View::Plane(2.0), View::FarField] {

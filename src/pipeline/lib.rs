@@ -35,7 +35,7 @@ pub mod goniogram;
 pub mod volume;
 /// 5. What a renderer needs: the radiance of a point and a direction.
 pub mod model;
-/// Which surface the light is put on, by rays held out.
+/// Where the light is put, by rays held out.
 pub mod candidates;
 /// 6. Results to files.
 pub mod artifacts;

@@ -56,7 +56,7 @@ pub struct RaysOptions {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct HullOptions {
-    /// Which points of the rays are taken as the emitting surface. Default: auto; origins with the paper's zones.
+    /// Where on the rays' lines the light is put. Default: auto; origins with the paper's zones.
     pub emission: Option<Emission>,
     /// Number of cells along the longest edge of the bounding box of the emission. Default: follows from the number of rays.
     #[schemars(range(min = *RESOLUTION.start(), max = *RESOLUTION.end()))]
@@ -131,7 +131,7 @@ pub struct Zones {
     pub rows: u32,
 }
 
-/// Which points of the rays are taken as the emitting surface.
+/// Where on the rays' lines the light is put.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Emission {
@@ -185,7 +185,7 @@ impl Options {
         self.goniogram.validate()
     }
 
-    /// Which points of the rays are taken as the emitting surface.
+    /// Where on the rays' lines the light is put.
     pub fn emission(&self) -> Emission {
         let or_default = if self.goniogram.zoning() == ZoneLayout::Paper { Emission::Origins } else { Emission::Auto };
         self.hull.emission.unwrap_or(or_default)

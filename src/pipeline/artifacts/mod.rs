@@ -56,6 +56,7 @@ pub fn write(model: &Model, options: &RunOptions, watch: StageWatch<'_>) -> Resu
     artifacts.push(plots::hull::stage(model));
     watch.step(0.8)?;
     artifacts.push(plots::hull::exitance_map(model));
+    artifacts.extend(model.volume.as_ref().map(|volume| plots::volume::artifact(model, volume)));
     watch.step(0.9)?;
     let notices = notices(model).to_vec();
     artifacts.push(report::artifact(model, options, &notices)?);

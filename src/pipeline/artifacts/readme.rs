@@ -9,7 +9,7 @@ use crate::writing::Artifact;
 use crate::writing::number::text;
 
 /// What each file is, by the beginning of its name.
-const MEANINGS: [(&str, &str); 8] = [
+const MEANINGS: [(&str, &str); 9] = [
     ("emitter.glb", "the surface: glTF 2.0 binary, metres, Y up; flux, spectra and zone of every vertex"),
     ("goniograms.json", "the angles: intensity of every zone and of the whole source, with spectra"),
     ("ies/", "the same luminous intensities as IES LM-63, one file for each zone and one for the whole"),
@@ -17,6 +17,7 @@ const MEANINGS: [(&str, &str); 8] = [
     ("plots/polar", "polar curves"),
     ("plots/zones", "where the zones lie"),
     ("plots/hull", "the surface, coloured by how its triangles came to be and by exitance"),
+    ("plots/volume", "the volume, by how much light leaves along each line of sight"),
     ("report.json", "what was read, what was done, where every ray went, what to be careful about"),
 ];
 
@@ -31,7 +32,7 @@ fn proof(study: &Study) -> Vec<String> {
     if let Some(surface) = study.surface() {
         let tried = match study.candidates.len() {
             1 => String::new(),
-            count => format!("; it predicts rays best of {count} surfaces"),
+            count => format!("; it predicts rays best of {count} places"),
         };
         lines.push(format!("The light is put {surface}{tried}."));
         lines.push(String::new());
@@ -83,8 +84,18 @@ pub fn artifact(model: &Model, notices: &[Notice], names: &[&str]) -> Artifact {
         "Radiance of a surface point x in direction w at wavelength lambda:".to_owned(),
         "    L = M(x, lambda) q(w; x, lambda) / |cos theta|".to_owned(),
         "M is the interpolated exitance (emitter.glb), q the zone's normalised goniogram (goniograms.json).".to_owned(),
-        String::new(),
     ];
+    if let Some(volume) = &model.volume {
+        lines.extend([
+            format!(
+                "The light is put in a volume ({} nodes, the points of emitter.glb); then that is the model:",
+                volume.nodes.len()
+            ),
+            "    L = q(w; lambda) times the integral of j(s, lambda) ds along the line".to_owned(),
+            "j is a node's flux over its volume, trilinear between nodes; q the normalised total goniogram.".to_owned(),
+        ]);
+    }
+    lines.push(String::new());
     if let Some(study) = &model.study {
         lines.extend(proof(study));
     }

@@ -83,21 +83,23 @@ pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageW
         let part = left.part(0.0, 0.4);
         left = left.part(0.4, 1.0);
         let cloud = Cloud::sampled(source, &sample.training, carrier).plain();
-        let model = match Model::build(&cloud, None, &options, limits, |stage| Ok(part_of(part, stage))) {
+        match Model::build(&cloud, None, &options, limits, |stage| Ok(part_of(part, stage))) {
             // What is too much for the options is so for all rays too, and said there.
             Err(Error::Refused(_)) if study.candidates.is_empty() && carrier.patch().is_none() => {
                 return Ok(Chosen { carrier, study: None, sample });
             }
             // What does not go with the options is no choice.
-            Err(Error::Refused(_)) if emission == Emission::Auto => continue,
-            model => model?,
-        };
-        let judged = log_radiances(&model, source, &sample.held_out);
-        let gain = best.as_ref().map(|(_, best)| gain(&judged, best, &sample.held_out));
-        study.candidates.push(Candidate { carrier, log_radiance: mean(&judged, &sample.held_out), gain });
-        if gain.is_none_or(|(gain, error)| gain > SURELY * error) {
-            best = Some((model, judged));
-            study.chosen = study.candidates.len() - 1;
+            Err(Error::Refused(_)) if emission == Emission::Auto => {}
+            Err(error) => return Err(error),
+            Ok(model) => {
+                let judged = log_radiances(&model, source, &sample.held_out);
+                let gain = best.as_ref().map(|(_, best)| gain(&judged, best, &sample.held_out));
+                study.candidates.push(Candidate { carrier, log_radiance: mean(&judged, &sample.held_out), gain });
+                if gain.is_none_or(|(gain, error)| gain > SURELY * error) {
+                    best = Some((model, judged));
+                    study.chosen = study.candidates.len() - 1;
+                }
+            }
         }
         if open.is_empty() {
             open.extend(more_symmetric(carrier, study.candidates[study.chosen].carrier));
@@ -150,7 +152,7 @@ fn carriers(
         }
         Emission::Focus => focal()?,
         Emission::Auto if rays.len() < FEWEST_RAYS => vec![Carrier::Origins],
-        Emission::Auto if is_filled(rays) => vec![Carrier::Origins, Carrier::Volume],
+        Emission::Auto if is_filled(rays) => [vec![Carrier::Origins, Carrier::Volume], focal()?].concat(),
         Emission::Auto => [vec![Carrier::Origins], focal()?].concat(),
     };
     if carriers.is_empty() {
@@ -160,7 +162,7 @@ fn carriers(
 }
 
 fn no_focus(found: &str) -> Error {
-    Error::unusable("emission.no_focus", "hull.emission", found, "Choose hull.emission = auto or origins.")
+    Error::unusable("emission.no_focus", "hull.emission", found, "Choose hull.emission = auto, origins or volume.")
 }
 
 /// The sharpest plane, and the sharpest sphere where it is sharper; none where they are no better than a flat source's own plane, if

@@ -169,7 +169,7 @@ impl Search {
         for _ in 0..MOST_ROUNDS {
             if halved == COARSE.halved && effort.rays < FINE.rays {
                 effort = &FINE;
-                best = best_of(&[best.1], effort, 0.5)?.unwrap_or(best);
+                best = best_of(&[best.1], effort, 0.5 + 0.5 * halved as f64 / FINE.halved as f64)?.unwrap_or(best);
             }
             if halved == FINE.halved {
                 break;

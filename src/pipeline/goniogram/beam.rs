@@ -80,7 +80,7 @@ pub struct NarrowBeam {
 }
 
 impl NarrowBeam {
-    /// Of rays (unit directions and weights) around `nadir` or anywhere; `None` where they are no narrow beam.
+    /// Of rays (unit directions and weights), most of them near the `brightest` direction; `None` where they are no narrow beam. γ = 0 at `nadir`.
     pub fn of(rays: &[(DVec3, f64)], brightest: DVec3, nadir: DVec3) -> Option<NarrowBeam> {
         let total: f64 = rays.iter().map(|(_, weight)| weight).sum();
         let (mut axis, mut reach) = (brightest, WIDEST_DEG.to_radians());
@@ -144,8 +144,10 @@ impl NarrowBeam {
     /// Nodes of γ, degrees, close together in the beam, and how many C planes.
     pub fn nodes(&self) -> (Vec<f64>, usize) {
         let close_deg = self.least_deg / NODES_IN_BEAM;
-        let centred = self.axis_deg < 0.5 * self.least_deg;
-        let middle_deg = if centred { 0.0 } else { self.axis_deg };
+        let from_pole_deg = self.axis_deg.min(180.0 - self.axis_deg);
+        let centred = from_pole_deg < 0.5 * self.least_deg;
+        let pole_deg = if self.axis_deg < 90.0 { 0.0 } else { 180.0 };
+        let middle_deg = if centred { pole_deg } else { (self.axis_deg * 1e6).round() / 1e6 };
         let reach_deg = CLOSE * self.least_deg;
         let walk = |sign: f64| {
             let (mut nodes, mut at, mut step) = (Vec::new(), middle_deg, close_deg);
@@ -162,14 +164,15 @@ impl NarrowBeam {
             nodes.push(end);
             nodes
         };
-        let mut nodes = walk(1.0);
-        nodes.push(middle_deg);
-        if middle_deg > 0.0 {
-            nodes.extend(walk(-1.0));
+        let mut nodes = vec![middle_deg];
+        for sign in
+            [1.0, -1.0].into_iter().filter(|sign| if *sign > 0.0 { middle_deg < 180.0 } else { middle_deg > 0.0 })
+        {
+            nodes.extend(walk(sign));
         }
         nodes.sort_unstable_by(f64::total_cmp);
         nodes.dedup();
-        let farthest_deg = if centred { 0.5 * self.greatest_deg } else { self.axis_deg };
+        let farthest_deg = if centred { 0.5 * self.greatest_deg } else { from_pole_deg };
         let across_deg = farthest_deg.min(90.0).to_radians().sin() * 360.0;
         let round = centred && self.greatest_deg < 1.3 * self.least_deg;
         let (fewest, most) = C_PLANES;

@@ -378,7 +378,15 @@ impl Measured {
         }
     }
 
-    /// Adds another zone: the whole source is the sum of its zones, so that its file is the sum of theirs.
+    /// The same flux with the noise of `refined`: that of zones which have one prior does not average out.
+    #[must_use]
+    pub fn with_noise_of(mut self, refined: &Refined) -> Measured {
+        let square = |(amount, variance): (&f64, &f64)| amount * amount * variance;
+        self.variance = self.fine.primary().iter().zip(&refined.variance).map(square).collect();
+        self
+    }
+
+    /// Adds another zone: on a surface the whole source is the sum of its zones, so that its file is the sum of theirs.
     pub fn add(&mut self, other: &Measured) {
         let add = |to: &mut [f64], from: &[f64]| to.iter_mut().zip(from).for_each(|(a, b)| *a += b);
         add(&mut self.counted, &other.counted);

@@ -43,6 +43,8 @@ use zone::Zoning;
 
 /// Most zones that follow the surface: their goniograms are less than 10 MB of text.
 const MOST_ZONES: usize = 256;
+/// Most zones of the surface of a volume, which is not the model.
+const MOST_ZONES_OF_VOLUME: usize = 64;
 /// Most spectral columns of all cells of all zones together, and cells of a zone's coarsest spectral grid.
 const MOST_COLUMNS: f64 = 2e6;
 const COARSEST_CELLS: f64 = 134.0;
@@ -134,7 +136,7 @@ impl Plan {
     /// flux is the flux of its vertices before smoothing. Sites are `zone × cells + cell`, over the fine and the spectral grid.
     pub fn add(&self, hull: &Hull, ray: &Ray, landing: &Landing, deposit: &Deposit) {
         let Plan { zoning, grids, narrow, fine, spectral } = self;
-        let direction = narrow.as_ref().map_or(ray.direction, |beam| beam.shown(ray.direction, hash(ray.index)));
+        let direction = narrow.as_ref().map_or(ray.direction, |beam| beam.shown(ray.direction, hash(!hash(ray.index))));
         let (c, gamma) = zoning.frame.angles(direction);
         let cell = grids.fine.cell(c, gamma);
         let spectral = spectral.as_ref().map(|tally| (tally, grids.spectral.cell(c, gamma)));
@@ -174,10 +176,12 @@ impl Plan {
             .then(|| grids.of_volume(&measured, options.smooths(), &surface.ray, spectrum))
             .flatten();
         watch.step(0.1)?;
+        let mut noise = None;
         if options.smooths() {
             let normals = zoning.normals(hull, surface);
             let mut estimates = grids.estimates(&measured, &normals, &zoning.kind_of_zone, &surface.ray);
             watch.step(0.5)?;
+            noise = Some(std::mem::take(&mut estimates.whole));
             let mut refined = std::mem::take(&mut estimates.zones);
             if zoning.lattice.is_none() {
                 let zone_of_zone = zoning.merge(&estimates.even_kinds, hull, surface);
@@ -200,7 +204,14 @@ impl Plan {
         watch.step(1.0)?;
         let zones = zoning.zones.into_iter().zip(&measured);
         let zones = zones.map(|(zone, own)| Zone { goniogram: grids.goniogram(own, spectrum), ..zone }).collect();
-        let whole = of_volume.or_else(|| intensity::sum(&measured));
+        let of_zones = || {
+            let sum = intensity::sum(&measured)?;
+            Some(match &noise {
+                Some(refined) => sum.with_noise_of(refined),
+                None => sum,
+            })
+        };
+        let whole = of_volume.or_else(of_zones);
         Ok(Goniograms {
             frame: zoning.frame,
             lattice: zoning.lattice,
@@ -217,7 +228,8 @@ impl Plan {
 
 /// The beam of the rays of a sample, where it is narrow and no steps were asked for.
 fn narrow_beam(cloud: &Cloud<'_>, frame: &Frame, sample: &[Ray], options: &GoniogramOptions) -> Option<NarrowBeam> {
-    if options.gamma_step_deg.is_some() || options.c_step_deg.is_some() || options.zoning() == ZoneLayout::Paper {
+    let asked = options.gamma_step_deg.is_some() || options.c_step_deg.is_some() || options.zones.is_some();
+    if asked || options.zoning() == ZoneLayout::Paper {
         return None;
     }
     let directions = &cloud.source.survey.directions;
@@ -239,5 +251,6 @@ fn most_zones(cloud: &Cloud<'_>, frame: &Frame, options: &GoniogramOptions, narr
     let (gamma_deg, c_deg) = Grids::steps_deg(directions, frame, options, MOST_ZONES);
     let columns = COARSEST_CELLS * cloud.spectral().column_count().max(1) as f64;
     let by_columns = (MOST_COLUMNS / columns) as usize;
-    intensity::most_zones(directions, frame, gamma_deg, c_deg).min(by_columns).clamp(1, MOST_ZONES)
+    let most = if cloud.carrier == Carrier::Volume { MOST_ZONES_OF_VOLUME } else { MOST_ZONES };
+    intensity::most_zones(directions, frame, gamma_deg, c_deg).min(by_columns).clamp(1, most)
 }

@@ -150,7 +150,7 @@ impl<'a> Directions<'a> {
             even_kinds.push(moved <= EVEN * group.flux());
             ids.into_iter().zip(parts).for_each(|(zone, part)| all[zone] = part);
         }
-        Estimates { zones: all, kinds: of_kinds, even_kinds }
+        Estimates { whole: refined, zones: all, kinds: of_kinds, even_kinds }
     }
 
     /// The parts of a whole, each from the whole's radiance, so that they add up to it.
@@ -164,7 +164,9 @@ impl<'a> Directions<'a> {
                 refined.amounts[cell] * (part.even[cell] + grazing) / (whole.even[cell] + grazing)
             };
             let prior: Vec<f64> = (0..self.solid_angles_sr.len()).map(of).collect();
-            self.estimate(&part.counted, &self.turned(&part.counted, &prior, ray), ray)
+            let mut turned = self.turned(&part.counted, &prior, ray);
+            turned.variance.iter_mut().zip(&refined.variance).for_each(|(sum, more)| *sum += more);
+            self.estimate(&part.counted, &turned, ray)
         };
         let mut zones: Vec<Refined> = parts.par_iter().map(part).collect();
         add_up(&mut zones, &refined.amounts);
@@ -179,6 +181,8 @@ impl<'a> Directions<'a> {
 
 /// What was found of the zones.
 pub struct Estimates {
+    /// The flux of all zones together per cell.
+    pub whole: Refined,
     /// The flux of each zone per cell.
     pub zones: Vec<Refined>,
     /// The flux of all zones of a kind together.

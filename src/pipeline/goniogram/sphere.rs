@@ -1,9 +1,8 @@
 //! The grid of directions: the one owner of the binning rule.
 //!
 //! Node-centred cells (`pipeline/README.md` 4): γ nodes from 0 to 180, in even steps or closer together in a narrow beam; C nodes 0, step, …
-//! below 360. A node's cell reaches halfway
-//! to its neighbours; the pole cells are caps shared by all C. A cell's value is its mean; between nodes values are bilinear in
-//! C and γ.
+//! below 360. A node's cell reaches halfway to its neighbours; the pole cells are caps shared by all C. A cell's value is its mean; between
+//! nodes values are bilinear in C and γ.
 
 use std::f64::consts::{PI, TAU};
 
@@ -159,7 +158,7 @@ impl SphereGrid {
         let neighbour = if sign > 0.0 { Some(node + 1) } else { node.checked_sub(1) };
         let Some(next) = neighbour.and_then(|node| self.gamma.get(node)) else { return 0.0 };
         let (here, h) = (self.gamma[node], (next - self.gamma[node]).abs());
-        // ± (cos γ − sin h' cos(γ ± h') ) with sin and cos of half steps would lose digits: series of sin h / h and (1 − cos h) / h.
+        // sin γ (1 − cos h)/h ± cos γ (1 − sin h / h), in forms that keep their digits where h is small.
         let sinc = if h < 1e-3 { h * h / 6.0 * (1.0 - h * h / 20.0) } else { 1.0 - h.sin() / h };
         let versed = 2.0 * (0.5 * h).sin().powi(2) / h;
         here.sin() * versed + sign * here.cos() * sinc

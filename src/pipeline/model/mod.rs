@@ -67,10 +67,10 @@ impl Model {
         let flux_stage = watch(Stage::Flux)?;
         let sample = pilot.unwrap_or(cloud).sampled_rays();
         let in_volume = (cloud.carrier == Carrier::Volume)
-            .then(|| volume::plan(cloud, sample, limits, flux_stage.part(0.0, 0.0)))
+            .then(|| volume::plan(cloud, sample, limits, flux_stage.part(0.0, 0.1)))
             .transpose()?;
         let pilot = pilot.filter(|_| options.goniogram.zoning() == ZoneLayout::Auto).unwrap_or(cloud);
-        let sketch = flux::project(pilot, &hull, &options.flux, limits, flux_stage.part(0.0, 0.3), |_, _, _| ())?;
+        let sketch = flux::project(pilot, &hull, &options.flux, limits, flux_stage.part(0.1, 0.3), |_, _, _| ())?;
         let rays = cloud.ray_count() as f64 / pilot.ray_count().max(1) as f64;
         let plan = goniogram::plan(cloud, &hull, &sketch.of_more_rays(rays), sample, &options.goniogram, limits)?;
         let add = |ray: &Ray, landing: Option<&Landing>, deposit: &Deposit| {
@@ -81,9 +81,9 @@ impl Model {
                 volume.add(ray, deposit);
             }
         };
-        let surface = flux::project(cloud, &hull, &options.flux, limits, flux_stage.part(0.3, 1.0), add)?;
+        let surface = flux::project(cloud, &hull, &options.flux, limits, flux_stage.part(0.3, 0.95), add)?;
         let volume = in_volume
-            .map(|plan| plan.measure(cloud, &surface.ray, &options.flux, flux_stage.part(1.0, 1.0)))
+            .map(|plan| plan.measure(cloud, &surface.ray, &options.flux, flux_stage.part(0.95, 1.0)))
             .transpose()?;
         let goniograms = plan.measure(cloud, &hull, &surface, &options.goniogram, watch(Stage::Goniogram)?)?;
         let source = cloud.source;

@@ -11,7 +11,7 @@ use std::f64::consts::{PI, TAU};
 /// Draws rays of equal flux.
 pub struct Sampler<'a> {
     model: &'a Model,
-    /// Flux below each corner of each triangle, running; of a volume at each corner of each lit cell.
+    /// Running sums of the flux at each corner of each triangle; of a volume, of the density at each corner of each lit cell, which are alike.
     corners: Vec<f64>,
     /// Of a volume: its lit cells.
     cells: Vec<usize>,

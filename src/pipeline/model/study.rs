@@ -1,4 +1,4 @@
-//! How the surface of a model was chosen, and how good a model of the same source made of a part of its rays is, judged by the others.
+//! How it was chosen where the light of a model is put, and how good a model of the same source made of a part of its rays is, judged by the others.
 
 use crate::hull::Carrier;
 use crate::vocabulary::notice::Notices;
@@ -50,12 +50,12 @@ impl Candidate {
 impl fmt::Display for Candidate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let patch = match self.carrier {
-            Carrier::Origins => return write!(f, "hull of where the rays start"),
-            Carrier::Volume => return write!(f, "volume in which the rays start"),
+            Carrier::Origins => return write!(f, "on the hull of where the rays start"),
+            Carrier::Volume => return write!(f, "in the volume in which the rays start"),
             Carrier::Focal(patch) => patch,
         };
         let apex = patch.surface.apex_mm.to_array().map(|at| text(at, 4)).join(", ");
-        write!(f, "{} through ({apex}) mm", self.surface())?;
+        write!(f, "on the {} through ({apex}) mm", self.surface())?;
         match patch.symmetry.mirrors() {
             0 => Ok(()),
             mirrors => write!(f, ", {mirrors} mirror planes"),

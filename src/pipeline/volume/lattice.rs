@@ -17,6 +17,9 @@ const MOST_NODES: f64 = 32_000.0;
 const MOST_NUMBERS: f64 = 1.3e6;
 /// Most cells of the box, dark ones too.
 const MOST_CELLS: f64 = 4_194_304.0;
+/// A lattice with so many times more nodes than were wanted (thin or ragged clouds have more corners to a cell) is made anew, at most so often.
+const AT_MOST_MORE: f64 = 1.3;
+const MOST_TRIES: usize = 6;
 /// Cells of the lattice on which it is seen how much of the box is filled.
 const COARSE_CELLS: f64 = 3_000.0;
 /// A box has at least this edge, mm, and this part of its longest edge as thickness.
@@ -91,7 +94,21 @@ impl VolumeLattice {
         };
         let most = MOST_NODES.min(MOST_NUMBERS / cloud.spectral().numbers().max(1) as f64);
         let nodes = (cloud.ray_count() as f64 / RAYS_PER_NODE).clamp(FEWEST_NODES.min(most), most);
-        let lattice = VolumeLattice::regular(bounds, (nodes * counts.len() as f64 / filled as f64).min(MOST_CELLS));
+        let mut count = nodes * counts.len() as f64 / filled as f64;
+        for _ in 0..MOST_TRIES {
+            let lattice = VolumeLattice::regular(bounds, count.min(MOST_CELLS)).lit_by(cloud, watch)?;
+            let too_many = lattice.node_count as f64 / nodes;
+            if too_many < AT_MOST_MORE {
+                return Ok(lattice);
+            }
+            count = count.min(MOST_CELLS) / too_many.powf(1.2);
+        }
+        VolumeLattice::regular(bounds, count).lit_by(cloud, watch)
+    }
+
+    /// The same lattice with the cells in which rays start.
+    fn lit_by(self, cloud: &Cloud<'_>, watch: StageWatch<'_>) -> Result<VolumeLattice, Error> {
+        let lattice = self;
         let lit: Vec<AtomicBool> =
             std::iter::repeat_with(|| AtomicBool::new(false)).take(lattice.cell_count()).collect();
         let look = |rays: &[Ray]| {
@@ -111,7 +128,7 @@ impl VolumeLattice {
     /// About `count` cells, nearly cubes, over `bounds`; none of them lit.
     fn regular(bounds: Bounds, count: f64) -> VolumeLattice {
         let longest_mm = bounds.size().max_element().max(LEAST_MM);
-        let size_mm = bounds.size().max(DVec3::splat(LEAST_THICKNESS * longest_mm));
+        let size_mm = bounds.size().max(DVec3::splat((LEAST_THICKNESS * longest_mm).max(LEAST_MM)));
         // What is thinner than a cell has one layer of them, and the others lie side by side.
         let mut thick = size_mm.to_array().to_vec();
         thick.sort_unstable_by(f64::total_cmp);

@@ -44,7 +44,7 @@ pub fn artifact(model: &Model, options: &RunOptions) -> Result<Artifact, Error> 
     let attributes = attributes(model, &colors, &mut buffer, has_spectra);
     let surface = Primitive { attributes, indices: Some(indices), material: 0, mode: TRIANGLES };
     let points = model.volume.as_ref().map(|volume| Primitive {
-        attributes: volume_attributes(model, volume, &mut buffer, has_spectra),
+        attributes: volume_attributes(model, volume, &mut buffer),
         indices: None,
         material: 0,
         mode: POINTS,
@@ -98,7 +98,9 @@ fn attributes(model: &Model, colors: &Colors, buffer: &mut Buffer, has_spectra: 
 }
 
 /// Of the nodes of a volume.
-fn volume_attributes(model: &Model, volume: &Volume, buffer: &mut Buffer, has_spectra: bool) -> Attributes {
+fn volume_attributes(model: &Model, volume: &Volume, buffer: &mut Buffer) -> Attributes {
+    // Their spectra stand nowhere else, whatever was asked for those of the surface.
+    let has_spectra = model.spectral.has_bands();
     let colors = colors_of(model, &volume.nodes, &volume.volumes_mm3);
     let mut attributes = light(model, &volume.lattice.points_mm(), &volume.nodes, &colors, buffer, has_spectra);
     let volumes_mm3 = buffer.scalars(volume.volumes_mm3.iter().map(|mm3| *mm3 as f32));

@@ -18,7 +18,7 @@ use glam::DVec3;
 /// Most triangles that are drawn one by one.
 const MOST_POLYGONS: usize = 20_000;
 /// Where the surface is drawn, px: left, top, width, height.
-const STAGE: [f64; 4] = [30.0, 80.0, 560.0, 460.0];
+pub(super) const STAGE: [f64; 4] = [30.0, 80.0, 560.0, 460.0];
 /// Most triangles whose edges are drawn: finer edges would hide the faces.
 const MOST_EDGES: usize = 4_000;
 /// Size of a raster cell, px.
@@ -132,8 +132,8 @@ fn shaded(color: [u8; 3], facing: f64) -> [u8; 3] {
 }
 
 /// Where the eye is and how mm become px.
-struct View {
-    to_eye: DVec3,
+pub(super) struct View {
+    pub(super) to_eye: DVec3,
     right: DVec3,
     up: DVec3,
     middle: DVec3,
@@ -143,7 +143,7 @@ struct View {
 
 impl View {
     /// The direction of emission is up, C0 goes to the right and towards the eye.
-    fn new(model: &Model) -> View {
+    pub(super) fn new(model: &Model) -> View {
         let frame = &model.goniograms.frame;
         let (emission, ahead) = (frame.nadir.vector(), frame.x());
         let aside = emission.cross(ahead);
@@ -177,6 +177,14 @@ impl View {
         ]
     }
 
+    /// A point that is seen at a place on the sheet, px.
+    pub(super) fn point_mm(&self, [x, y]: [f64; 2]) -> DVec3 {
+        let [left, top, width, height] = STAGE;
+        let across_mm = (x - left - 0.5 * width) / self.px_per_mm;
+        let up_mm = (top + 0.5 * height - y) / self.px_per_mm;
+        self.middle + across_mm * self.right + up_mm * self.up
+    }
+
     /// All triangles, then the axes and a scale. Rays that do not fit a focal surface have a hull round it with hardly any light: it is
     /// drawn behind, or it would hide what shines.
     fn draw(&self, svg: &mut Svg, model: &Model, colors: &[[u8; 3]], style: &str) {
@@ -204,7 +212,7 @@ impl View {
         self.ruler(svg);
     }
 
-    fn axes(&self, svg: &mut Svg) {
+    pub(super) fn axes(&self, svg: &mut Svg) {
         let origin = [62.0, 118.0];
         for axis in [Axis::PosX, Axis::PosY, Axis::PosZ] {
             let (x, y) = (axis.vector().dot(self.right), -axis.vector().dot(self.up));
@@ -214,7 +222,7 @@ impl View {
         }
     }
 
-    fn ruler(&self, svg: &mut Svg) {
+    pub(super) fn ruler(&self, svg: &mut Svg) {
         let length_mm = nice_step(STAGE[2] / self.px_per_mm, 5.0);
         let [x, y] = [620.0 - length_mm * self.px_per_mm, 576.0];
         svg.line([x, y], [620.0, y], INK, 2.0);

@@ -4,5 +4,7 @@
 pub mod hull;
 /// Polar curves of intensity.
 pub mod polar;
+/// The volume that light comes from, seen through.
+pub mod volume;
 /// The zones: the lattice coloured by flux, or the surface.
 pub mod zones;
