@@ -30,7 +30,7 @@ const VERTEX_BAND: f64 = 8.0;
 const VERTEX_COLUMN: f64 = 10.0;
 /// A spectral number as text, and how many are written so unless asked.
 const NUMBER: f64 = 14.0;
-const MOST_INLINE: f64 = 2e6;
+const MOST_INLINE: f64 = 5e5;
 /// A cell of a zone's goniogram: sums, intensities, text.
 const CELL: f64 = 70.0;
 /// A band of a zone's spectral goniogram: 156 nodes, as numbers and as text; and a column of its 134 cells.

@@ -151,7 +151,7 @@ pub enum Emission {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Spectra {
-    /// In both places, up to 2 million numbers; above, in attributes.
+    /// In both places, up to 500 000 numbers; above, in attributes.
     #[default]
     Auto,
     /// Attributes and extras.

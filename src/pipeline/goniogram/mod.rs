@@ -44,7 +44,7 @@ use zone::Zoning;
 /// Most zones that follow the surface: their goniograms are less than 10 MB of text.
 const MOST_ZONES: usize = 256;
 /// Most zones of the surface of a volume, which is not the model.
-const MOST_ZONES_OF_VOLUME: usize = 64;
+const MOST_ZONES_OF_VOLUME: usize = 48;
 /// Most spectral columns of all cells of all zones together, and cells of a zone's coarsest spectral grid.
 const MOST_COLUMNS: f64 = 2e6;
 const COARSEST_CELLS: f64 = 134.0;

@@ -18,7 +18,7 @@ const MOST_NUMBERS: f64 = 1.3e6;
 /// Most cells of the box, dark ones too.
 const MOST_CELLS: f64 = 4_194_304.0;
 /// A lattice with so many times more nodes than were wanted (thin or ragged clouds have more corners to a cell) is made anew, at most so often.
-const AT_MOST_MORE: f64 = 1.3;
+const AT_MOST_MORE: f64 = 1.5;
 const MOST_TRIES: usize = 6;
 /// Cells of the lattice on which it is seen how much of the box is filled.
 const COARSE_CELLS: f64 = 3_000.0;

@@ -31,8 +31,8 @@ pub const WEIGHTS: &str = "_ZONE_WEIGHTS";
 /// Attribute of the volume that a node of the lattice stands for, mm³.
 pub const VOLUME_MM3: &str = "_VOLUME_MM3";
 
-/// Most spectral numbers that are repeated in extras unasked: 2 million are about 12 MB of text.
-const MOST_INLINE: usize = 2_000_000;
+/// Most spectral numbers that are repeated in extras unasked: these are about 3 MB of text, in a file that shall have less than 10 MB.
+const MOST_INLINE: usize = 500_000;
 /// Significant digits of the largest spectral number in extras.
 const SPECTRUM_DIGITS: i32 = 5;
 
@@ -53,7 +53,7 @@ fn in_extras(model: &Model, options: &RunOptions) -> Result<(), &'static str> {
         Spectra::Both | Spectra::Extras => Ok(()),
         Spectra::Attributes => Err("spectra=attributes was asked for"),
         Spectra::Auto if count <= MOST_INLINE => Ok(()),
-        Spectra::Auto => Err("more than 2 million numbers; spectra=both writes them here too"),
+        Spectra::Auto => Err("more than 500 000 numbers; spectra=both writes them here too"),
     }
 }
 
