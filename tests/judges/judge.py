@@ -10,7 +10,7 @@ from jsonschema import Draft202012Validator
 from photompy import total_optical_power
 
 import radiance
-from result import SCHEMAS, Grid, Result, read_json
+from result import SCHEMAS, Grid, Result, Volume, read_json
 
 FLUX_TOLERANCE = 0.005  # of foreign programs' lumens
 SUM_TOLERANCE = 1e-6
@@ -188,11 +188,12 @@ def judge_model(result, verdict):
         values = np.array(total[quantity])
         scale = total["flux_" + unit] / result.grid.norm(values)
         # Gauss points in cos gamma would step over the grid's kinks: midpoints, four to a cell.
-        step = 180 / (4 * (len(result.grid.gamma) - 1))
-        gammas = np.arange(step / 2, 180, step)
+        nodes = np.asarray(result.grid.gamma, float)
+        steps = np.repeat(np.diff(nodes) / 4, 4)
+        gammas = np.concatenate(([0.0], np.cumsum(steps)[:-1])) + steps / 2
         c_step = 360 / max(len(result.grid.c), 12)
         flux, found, expected = 0.0, [], []
-        for gamma in gammas:
+        for gamma, step in zip(gammas, steps):
             ring = np.cos(np.radians(gamma - step / 2)) - np.cos(np.radians(gamma + step / 2))
             for c in np.arange(c_step / 2, 360, c_step):
                 s, radians = np.sin(np.radians(gamma)), np.radians(c)
@@ -202,9 +203,31 @@ def judge_model(result, verdict):
                 found.append(intensity)
                 expected.append(scale * float(result.grid.at(values, np.array([c]), np.array([gamma]))[0]))
         verdict.close(flux, total["flux_" + unit], 2e-3, f"flux of L over surface and sphere, {unit}")
+        if result.surface.extras["volume"] is not None:
+            continue  # the total is that of the volume, which the surface follows less closely
         off = np.abs(np.array(found) - expected).max() / max(expected)
         verdict.that(off <= INTENSITY_TOLERANCE, f"intensity of L is {off:.3f} of the peak from the total goniogram, {unit}")
         print(f"model: {len(found)} directions, flux {flux:.6g} {unit}, intensity within {off:.1e} of the peak")
+
+
+def judge_volume(result, verdict):
+    """Nodes are the corners of lit cells, stand for their volume, and hold all of the flux."""
+    if result.surface.extras["volume"] is None:
+        return
+    volume = Volume(result.surface)
+    verdict.that(volume.is_points and volume.is_whole, "the volume is a primitive of points, and its runs are all cells")
+    same = len(volume.points_mm) == len(volume.expected_mm)
+    verdict.that(same, f"{len(volume.points_mm)} nodes for {len(volume.expected_mm)} corners of lit cells")
+    if same:
+        off = np.abs(volume.points_mm - volume.expected_mm).max()
+        verdict.that(off <= 1e-6 * np.abs(volume.expected_mm).max(), f"nodes lie up to {off:.1e} mm off their corners")
+        verdict.close(volume.attributes["_VOLUME_MM3"].astype(float).sum(), volume.expected_mm3.sum(), 1e-5, "volume of the nodes")
+    for unit in ("W", "LM"):
+        flux = volume.attributes.get("_FLUX_" + unit)
+        if flux is not None:
+            total = result.goniograms["total"]["flux_" + unit.replace("LM", "lm")]
+            verdict.close(flux.astype(float).sum(), total, SUM_TOLERANCE, f"flux of the volume, {unit}")
+    print(f"volume: {len(volume.points_mm)} nodes")
 
 
 def main(folders):
@@ -212,7 +235,7 @@ def main(folders):
     for folder in folders:
         print(folder)
         result = Result(folder)
-        for judge in (judge_schemas, judge_sums, judge_ies, judge_model):
+        for judge in (judge_schemas, judge_sums, judge_ies, judge_model, judge_volume):
             judge(result, verdict)
     print(f"{verdict.checked} checks, {verdict.failed} failed")
     return 1 if verdict.failed or verdict.checked == 0 else 0

@@ -38,14 +38,41 @@ class Grid:
     def at(self, values, c, gamma):
         """Bilinear interpolation at degrees."""
         j = np.asarray(c) / 360.0 * len(self.c)
-        k = np.asarray(gamma) / 180.0 * (len(self.gamma) - 1)
-        j0, k0 = np.floor(j).astype(int), np.minimum(np.floor(k).astype(int), len(self.gamma) - 2)
+        nodes = np.asarray(self.gamma, float)
+        k0 = np.clip(np.searchsorted(nodes, gamma, "right") - 1, 0, len(nodes) - 2)
+        j0 = np.floor(j).astype(int)
         shape = (-1,) + (1,) * (values.ndim - 2)
-        s, t = (j - j0).reshape(shape), (k - k0).reshape(shape)
+        s, t = (j - j0).reshape(shape), ((np.asarray(gamma) - nodes[k0]) / (nodes[k0 + 1] - nodes[k0])).reshape(shape)
         j0, j1 = j0 % len(self.c), (j0 + 1) % len(self.c)
         return (1 - s) * ((1 - t) * values[j0, k0] + t * values[j0, k0 + 1]) + s * (
             (1 - t) * values[j1, k0] + t * values[j1, k0 + 1]
         )
+
+
+class Volume:
+    """The nodes of a volume as emitter.glb has them: where they must be, and the volume that each stands for."""
+
+    def __init__(self, surface):
+        facts = surface.extras["volume"]
+        points = surface.gltf.meshes[0].primitives[facts["primitive"]]
+        self.is_points = points.mode == 0 and points.indices is None
+        self.attributes = {name: surface.accessor(i) for name, i in vars(points.attributes).items() if i is not None}
+        x, y, z = facts["cells"]
+        lit, at = np.zeros(x * y * z, bool), 0
+        for number, run in enumerate(facts["lit_runs"]):
+            lit[at : at + run] = number % 2 == 1
+            at += run
+        self.is_whole = at == lit.size
+        around = np.zeros((z + 1, y + 1, x + 1))
+        for corner in np.ndindex(2, 2, 2):
+            a, b, c = corner
+            around[a : a + z, b : b + y, c : c + x] += lit.reshape(z, y, x)
+        nodes = np.argwhere(around > 0)
+        pitch = np.array(facts["pitch_mm"])
+        self.expected_mm = np.array(facts["min_mm"]) + nodes[:, ::-1] * pitch
+        self.expected_mm3 = around[around > 0] * pitch.prod() / 8
+        matrix = np.array(surface.extras["gltf_to_source_mm"]).reshape(4, 4).T
+        self.points_mm = self.attributes["POSITION"].astype(float) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 class Surface:
