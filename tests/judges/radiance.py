@@ -41,12 +41,12 @@ def candela(ies, c_deg, gamma_deg):
     return irradiance.mean(axis=1) * LM_PER_W * DISTANCE_M**2
 
 
-def lumens(ies, step_deg=2.0):
+def lumens(ies, gamma_step_deg, c_step_deg=3.0):
     """Luminous flux of an IES file: midpoint rule over the sphere, exact solid angles."""
-    gamma_edges = np.radians(np.arange(0, 180 + step_deg / 2, step_deg))
+    gamma_edges = np.radians(np.arange(0, 180 + gamma_step_deg / 2, gamma_step_deg))
     gamma = np.degrees((gamma_edges[1:] + gamma_edges[:-1]) / 2)
-    c = np.arange(step_deg / 2, 360, step_deg)
-    weight = (np.cos(gamma_edges[:-1]) - np.cos(gamma_edges[1:])) * np.radians(step_deg)
+    c = np.arange(c_step_deg / 2, 360, c_step_deg)
+    weight = (np.cos(gamma_edges[:-1]) - np.cos(gamma_edges[1:])) * np.radians(c_step_deg)
     grid = np.meshgrid(c, gamma)
     values = candela(ies, grid[0].ravel(), grid[1].ravel()).reshape(grid[0].shape)
     return float((values.sum(axis=1) * weight).sum())
