@@ -35,9 +35,9 @@ def candela(ies, c_deg, gamma_deg):
         rayleigh = BIN.parent / "lib"
         environment = f"RAYPATH={rayleigh}:."
         octree.write_bytes(run("env", environment, BIN / "oconv", "light.rad", cwd=folder))
-        text = run("env", environment, BIN / "rtrace", "-h", "-I", "-ab", "0", "-ds", "0", "-dt", "0", octree,
-                   stdin="\n".join(" ".join(f"{x:.9g}" for x in ray) for ray in rays).encode(), cwd=folder)
-    irradiance = np.array(text.split(), float).reshape(-1, 3)
+        found = run("env", environment, BIN / "rtrace", "-h", "-I", "-ff", "-ab", "0", "-ds", "0", "-dt", "0", octree,
+                    stdin=rays.astype(np.float32).tobytes(), cwd=folder)
+    irradiance = np.frombuffer(found, np.float32).astype(float).reshape(-1, 3)
     return irradiance.mean(axis=1) * LM_PER_W * DISTANCE_M**2
 
 
