@@ -5,7 +5,7 @@
 //! domes and cylinders is a fifth to nearly all of what is said here, of flat chips down to an eighth.
 
 use crate::formats::record::SpectralData;
-use crate::options::{Emission, Options, Spectra};
+use crate::options::{Emission, GoniogramOptions, Options, Spectra};
 use crate::rays::bands;
 use crate::rays::bands::Reach;
 use crate::source::channels::Claims;
@@ -23,6 +23,10 @@ const LATTICE_CELL: f64 = 12.0;
 /// A vertex while the hull is made; and for each thread, what it saw of the light there.
 const HULL_VERTEX: f64 = 400.0;
 const HULL_VERTEX_THREAD: f64 = 72.0;
+/// What each thread adds up of its own of all tables below this size: 8 bytes a number, three and the columns for each vertex, triangle, cell and
+/// node. (What is larger is shared.)
+const MOST_OWN_NUMBERS: f64 = 1_048_576.0;
+const OWN_NUMBER: f64 = 8.0;
 /// A vertex later: mesh, fluxes, its neighbours in smoothing, and its numbers in the files.
 const VERTEX: f64 = 1750.0;
 /// A band of a vertex in the files; where rays have wavelengths also as a sum, twice for a while.
@@ -82,14 +86,16 @@ pub fn estimate(files: &[(&Claims, &Declared)], options: &Options, threads: usiz
     let spectrum = Spectrum::of(files, options);
     let (cells, vertices) = surface(rays, options.hull.resolution.map(f64::from));
     let threads = threads.max(1) as f64;
+    let tables = own_tables(rays, vertices, &spectrum, options);
+    let landing = vertices * HULL_VERTEX + tables * threads;
     let hull = LATTICE_CELL * cells + vertices * (HULL_VERTEX + HULL_VERTEX_THREAD * threads);
     let rest = vertices * VERTEX
         + spectrum.of_vertices(vertices, options.artifacts.spectra.unwrap_or_default())
         + volume(rays, &spectrum, options)
         + directions(rays, &spectrum, options);
     MemoryNeed {
-        bytes: (PROCESS + THREAD * threads + SAMPLED_RAY * rays.min(MOST_SAMPLED) + f64::max(hull, rest)) as u64,
-        thread_bytes: (THREAD + vertices * HULL_VERTEX_THREAD).ceil() as u64,
+        bytes: (PROCESS + THREAD * threads + SAMPLED_RAY * rays.min(MOST_SAMPLED) + hull.max(landing).max(rest)) as u64,
+        thread_bytes: (THREAD + f64::max(vertices * HULL_VERTEX_THREAD, tables)).ceil() as u64,
     }
 }
 
@@ -106,38 +112,62 @@ fn surface(rays: f64, asked: Option<f64>) -> (f64, f64) {
     }
 }
 
-/// What the nodes of a volume need, where the light may be put in one.
-fn volume(rays: f64, spectrum: &Spectrum, options: &Options) -> f64 {
+/// Nodes of a volume, where the light may be put in one.
+fn nodes(rays: f64, spectrum: &Spectrum, options: &Options) -> f64 {
     let (fewest, most) = NODES;
-    let nodes =
-        (rays / RAYS_PER_NODE).clamp(fewest, most).min(NODE_NUMBERS / spectrum.columns.max(spectrum.bands).max(1.0));
     match options.emission() {
         Emission::Auto | Emission::Volume => {
-            nodes * (NODE + NODE_BAND * spectrum.bands + NODE_COLUMN * spectrum.columns)
+            (rays / RAYS_PER_NODE).clamp(fewest, most).min(NODE_NUMBERS / spectrum.columns.max(spectrum.bands).max(1.0))
         }
         Emission::Origins | Emission::Focus => 0.0,
     }
 }
 
-/// What zones and their goniograms need.
-fn directions(rays: f64, spectrum: &Spectrum, options: &Options) -> f64 {
-    let options = &options.goniogram;
-    let gamma_deg = options.gamma_step_deg.unwrap_or(GAMMA_DEG);
-    let cells = 180.0 / gamma_deg * 360.0 / options.c_step_deg.unwrap_or(C_DEG);
-    let neighbourhoods = if options.smooths() { SMOOTHED_CELL * cells } else { 0.0 };
-    let (zones, cells) = match options.zones {
+/// What the nodes of a volume need.
+fn volume(rays: f64, spectrum: &Spectrum, options: &Options) -> f64 {
+    nodes(rays, spectrum, options) * (NODE + NODE_BAND * spectrum.bands + NODE_COLUMN * spectrum.columns)
+}
+
+/// What each thread adds up of its own: over vertices and triangles, cells of zones in both grids, and nodes.
+fn own_tables(rays: f64, vertices: f64, spectrum: &Spectrum, options: &Options) -> f64 {
+    let (cells, zones) = zones(rays, spectrum, options);
+    let with_columns = 3.0 + spectrum.columns;
+    let numbers = [
+        vertices * with_columns,
+        2.0 * vertices * 3.0,
+        cells * 3.0,
+        zones * ZONE_CELLS * with_columns,
+        nodes(rays, spectrum, options) * with_columns,
+    ];
+    numbers.into_iter().map(|numbers| OWN_NUMBER * numbers.min(MOST_OWN_NUMBERS)).sum()
+}
+
+/// Cells of one goniogram.
+fn cells_of_zone(options: &GoniogramOptions) -> f64 {
+    180.0 / options.gamma_step_deg.unwrap_or(GAMMA_DEG) * 360.0 / options.c_step_deg.unwrap_or(C_DEG)
+}
+
+/// Cells of all goniograms together, and zones.
+fn zones(rays: f64, spectrum: &Spectrum, options: &Options) -> (f64, f64) {
+    let cells = cells_of_zone(&options.goniogram);
+    match options.goniogram.zones {
         Some(zones) => {
             let zones = f64::from(zones.columns) * f64::from(zones.rows);
-            (zones, zones * cells)
+            (zones * cells, zones)
         }
         None => {
             let zones = (rays / RAYS_PER_ZONE).clamp(1.0, ZONES);
-            (
-                zones.min(COLUMNS / (ZONE_CELLS * spectrum.columns.max(1.0))).max(1.0),
-                (zones * cells).min(CELLS).max(cells),
-            )
+            let most = COLUMNS / (ZONE_CELLS * spectrum.columns.max(1.0));
+            ((zones * cells).min(CELLS).max(cells), zones.min(most).max(1.0))
         }
-    };
+    }
+}
+
+/// What zones and their goniograms need.
+fn directions(rays: f64, spectrum: &Spectrum, options: &Options) -> f64 {
+    let smoothed = cells_of_zone(&options.goniogram);
+    let neighbourhoods = if options.goniogram.smooths() { SMOOTHED_CELL * smoothed } else { 0.0 };
+    let (cells, zones) = zones(rays, spectrum, options);
     let band = if spectrum.is_one { ONE_SPECTRUM_BAND } else { ZONE_BAND };
     CELL * cells + zones * (band * spectrum.bands + ZONE_COLUMN * spectrum.columns) + neighbourhoods
 }
@@ -216,34 +246,34 @@ mod tests {
         };
         let [plain, by_ray] = ["table", "wavelength per ray"];
         for (source, rays, spectrum, threads, options, measured, most) in [
-            ("dome", 100_000, plain, 2, Options::default(), 53.0, 4.0),
-            ("dome", 1_000_000, plain, 2, Options::default(), 83.0, 3.2),
-            ("dome", 100_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 108.0, 14.0),
-            ("dome", 1_000_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 280.0, 4.0),
-            ("dome", 1_000_000, plain, 2, with(|o| o.rays.band_edges_nm = bands(1000)), 247.0, 3.0),
-            ("dome", 1_000_000, plain, 2, with(|o| o.rays.band_edges_nm = bands(4096)), 774.0, 3.0),
-            ("dome", 1_000_000, plain, 2, with(zoned), 762.0, 3.0),
-            ("dome", 1_000_000, plain, 2, with(fine), 102.0, 6.0),
+            ("dome", 100_000, plain, 2, Options::default(), 61.0, 4.0),
+            ("dome", 1_000_000, plain, 2, Options::default(), 69.0, 4.0),
+            ("dome", 100_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 117.0, 14.0),
+            ("dome", 1_000_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 257.0, 4.0),
+            ("dome", 1_000_000, plain, 2, with(|o| o.rays.band_edges_nm = bands(1000)), 244.0, 3.0),
+            ("dome", 1_000_000, plain, 2, with(|o| o.rays.band_edges_nm = bands(4096)), 772.0, 3.0),
+            ("dome", 1_000_000, plain, 2, with(zoned), 770.0, 3.0),
+            ("dome", 1_000_000, plain, 2, with(fine), 109.0, 6.0),
             (
                 "dome",
                 1_000_000,
                 plain,
                 2,
                 with(|o| o.goniogram.zones = Some(Zones { columns: 32, rows: 32 })),
-                133.0,
+                127.0,
                 6.0,
             ),
-            ("cylinder", 100_000, plain, 2, Options::default(), 44.0, 4.0),
-            ("cylinder", 100_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 1203.0, 2.0),
-            ("cylinder", 1_000_000, plain, 2, Options::default(), 76.0, 6.0),
-            ("cylinder", 1_000_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 305.0, 4.0),
+            ("cylinder", 100_000, plain, 2, Options::default(), 51.0, 4.0),
+            ("cylinder", 100_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 1165.0, 2.0),
+            ("cylinder", 1_000_000, plain, 2, Options::default(), 88.0, 6.0),
+            ("cylinder", 1_000_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 267.0, 4.0),
             ("cylinder", 1_000_000, plain, 2, with(fine), 90.0, 6.0),
-            ("four chips", 100_000, by_ray, 2, Options::default(), 66.0, 4.0),
-            ("four chips", 1_000_000, by_ray, 2, Options::default(), 80.0, 5.0),
-            ("four chips", 100_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(4096)), 252.0, 5.0),
-            ("four chips", 1_000_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(1000)), 222.0, 7.0),
-            ("four chips", 1_000_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(2500)), 386.0, 7.0),
-            ("four chips", 1_000_000, by_ray, 2, with(|o| o.hull.resolution = Some(256)), 135.0, 10.0),
+            ("four chips", 100_000, by_ray, 2, Options::default(), 67.0, 4.0),
+            ("four chips", 1_000_000, by_ray, 2, Options::default(), 83.0, 5.0),
+            ("four chips", 100_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(4096)), 226.0, 5.0),
+            ("four chips", 1_000_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(1000)), 203.0, 7.0),
+            ("four chips", 1_000_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(2500)), 366.0, 7.0),
+            ("four chips", 1_000_000, by_ray, 2, with(|o| o.hull.resolution = Some(256)), 150.0, 10.0),
         ] {
             let (claims, declared) = (claims(rays, "IES TM-25", spectrum), Declared::default());
             let on = |threads| estimate(&[(&claims, &declared)], &options, threads);

@@ -11,7 +11,7 @@ use serde_json::json;
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{scope, sleep};
 use std::time::{Duration, Instant, SystemTime};
 use support::engines;
@@ -22,6 +22,10 @@ const DISK: u64 = 256 << 20;
 const DISK_PER_FAULT: u64 = 8 << 20;
 /// Bytes that a file may have while the system refuses to write: SQLite and the store meet an error of input and output.
 const LITTLE: &str = "--fsize=4096:";
+
+/// Files that a robot sends for each fault that has begun: enough to work through it, and no more while a fault waits for the other
+/// tests, for whatever was taken is audited in the end.
+const FILES_PER_FAULT: u64 = 12;
 
 /// What happens to the service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -80,13 +84,16 @@ fn dealt(random: &mut ChaCha8Rng, has_disk: bool, count: u64) -> Vec<Fault> {
 
 /// What a lab's robot does until it is told to stop: sends a file, every other one in pieces, queues a job, and so on, to
 /// whichever node answers.
-fn robot(addresses: &Mutex<Vec<String>>, number: u64, stop: &AtomicBool) -> Ledger {
+fn robot(addresses: &Mutex<Vec<String>>, number: u64, begun: &AtomicU64, stop: &AtomicBool) -> Ledger {
     let mut ledger = Ledger::default();
     let address = |turn: u64| {
         let addresses = addresses.lock().unwrap();
         addresses[turn as usize % addresses.len()].clone()
     };
     for round in 0.. {
+        while round >= FILES_PER_FAULT * (1 + begun.load(Ordering::Relaxed)) && !stop.load(Ordering::Relaxed) {
+            sleep(Duration::from_millis(10));
+        }
         if stop.load(Ordering::Relaxed) {
             break;
         }
@@ -115,15 +122,17 @@ struct Soak<'a> {
     world: &'a World,
     nodes: Vec<Node>,
     addresses: &'a Mutex<Vec<String>>,
+    /// How many faults have begun.
+    begun: &'a AtomicU64,
     random: ChaCha8Rng,
 }
 
 impl<'a> Soak<'a> {
-    fn new(world: &'a World, addresses: &'a Mutex<Vec<String>>, random: ChaCha8Rng) -> Soak<'a> {
+    fn new(world: &'a World, addresses: &'a Mutex<Vec<String>>, begun: &'a AtomicU64, random: ChaCha8Rng) -> Soak<'a> {
         // A data folder has one process; servers have as many as there are.
         let count = if engines::are_shared() { 2 } else { 1 };
         let nodes = (0..count).map(|_| world.shielded(&HARDY)).collect();
-        let soak = Soak { world, nodes, addresses, random };
+        let soak = Soak { world, nodes, addresses, begun, random };
         soak.tell();
         soak
     }
@@ -142,6 +151,7 @@ impl<'a> Soak<'a> {
             return self.outage();
         }
         let _database = DATABASE.read().unwrap();
+        self.begun.fetch_add(1, Ordering::Relaxed);
         let victim = below(&mut self.random, self.nodes.len() as u64) as usize;
         let awhile = Duration::from_millis(200 + below(&mut self.random, 1300));
         match fault {
@@ -176,6 +186,7 @@ impl<'a> Soak<'a> {
     fn outage(&mut self) {
         // Alone with the database of all tests.
         let _alone = DATABASE.write().unwrap();
+        self.begun.fetch_add(1, Ordering::Relaxed);
         postgres("stop");
         sleep(Duration::from_millis(500 + below(&mut self.random, 2500)));
         postgres("start");
@@ -214,10 +225,11 @@ fn faults_at_random_moments_lose_nothing_and_publish_once() {
     }
     let faults = dealt(&mut random, world.disk.is_some(), count);
     let (start, stop, addresses) = (Instant::now(), &AtomicBool::new(false), &Mutex::new(Vec::new()));
+    let begun = &AtomicU64::new(0);
     let (mut ledger, mut met) = (Ledger::default(), BTreeMap::new());
-    let mut soak = Soak::new(&world, addresses, random);
+    let mut soak = Soak::new(&world, addresses, begun, random);
     scope(|scope| {
-        let robots: Vec<_> = (1..=2).map(|number| scope.spawn(move || robot(addresses, number, stop))).collect();
+        let robots: Vec<_> = (1..=2).map(|number| scope.spawn(move || robot(addresses, number, begun, stop))).collect();
         for fault in faults {
             sleep(Duration::from_millis(below(&mut soak.random, 1000)));
             soak.meet(fault);

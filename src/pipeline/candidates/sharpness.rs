@@ -335,17 +335,21 @@ fn predicted(surface: &FocalSurface, rays: &[Ray], size_mm: f64, halvings: u32) 
         for bin in 0..sent.len() {
             of_direction[bin] = sent[bin] / (solid_angles_sr[bin] * met[bin]).max(f64::MIN_POSITIVE);
         }
+        let light: Vec<f64> = of_direction.iter().zip(&solid_angles_sr).map(|(l, sr)| l * sr).collect();
         for (place, projected) in projected.iter().enumerate() {
-            let sum: f64 = projected
-                .iter()
-                .zip(&of_direction)
-                .zip(&solid_angles_sr)
-                .map(|((cosine, l), sr)| cosine * l * sr)
-                .sum();
-            of_place[place] = places.exitance(place) / sum.max(f64::MIN_POSITIVE);
+            of_place[place] = places.exitance(place) / dot(projected, &light).max(f64::MIN_POSITIVE);
         }
     }
     Some(log_of(&|met| of_place[places.find(met.at_mm)] * of_direction[met.bin]))
+}
+
+/// Sum of products; in sums side by side, which need not wait for each other.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 8];
+    for (a, b) in a.chunks(sums.len()).zip(b.chunks(sums.len())) {
+        sums.iter_mut().zip(a.iter().zip(b)).for_each(|(sum, (a, b))| *sum += a * b);
+    }
+    sums.iter().sum()
 }
 
 /// A rectangle halved again and again where half of the rays lie: places with about equally many rays.

@@ -2,6 +2,8 @@
 
 /// The spatial index: the only file that names the BVH library.
 mod bvh;
+/// Which triangles lie near a point.
+mod cells;
 /// One ray: hit, snapped or rejected, counted exactly once.
 pub mod project;
 /// Sums per site that do not depend on the number of threads.
@@ -58,17 +60,17 @@ impl Surface {
     }
 }
 
-/// Lays every ray on the hull, and tells `laid` of each where it landed, if it did.
+/// Lays every ray on the hull. For each chunk of rays, on any thread, `begin` makes what is told of each ray where it landed, if it did.
 ///
 /// # Errors
 /// [`Error::Refused`] above [`Limits::max_tally_values`]; [`Error::Cancelled`], [`Error::Unreadable`].
-pub fn project(
+pub fn project<L: FnMut(&Ray, Option<&Landing>, &Deposit)>(
     cloud: &Cloud<'_>,
     hull: &Hull,
     options: &FluxOptions,
     limits: &Limits,
     watch: StageWatch<'_>,
-    laid: impl Fn(&Ray, Option<&Landing>, &Deposit) + Sync + Send,
+    begin: impl Fn() -> L + Sync + Send,
 ) -> Result<Surface, Error> {
     let projector = Projector::new(hull);
     let quanta = Quanta::of(cloud);
@@ -76,6 +78,7 @@ pub fn project(
     let vertices = Tally::new(&quanta, hull.vertices_mm.len(), true, limits)?;
     let fates = Tally::new(&quanta, FATES, false, limits)?;
     let lay = |rays: &[Ray]| {
+        let (mut triangles, mut vertices, mut laid) = (triangles.adding(), vertices.adding(), begin());
         let mut met = [Deposit::default(); FATES];
         let mut squares = [0.0; 2];
         for ray in rays {
@@ -94,6 +97,7 @@ pub fn project(
                 vertices.add(*vertex as usize, &part);
             }
         }
+        let mut fates = fates.adding();
         met.iter().enumerate().for_each(|(fate, sum)| fates.add(fate, sum));
         Ok(squares)
     };

@@ -5,8 +5,11 @@
 //! - otherwise the origin is outside: it lands on the nearest crossing behind that leads out, the surface it came from;
 //! - a line that only enters lands where it enters, if that is near: stray light from the back of a one-sided sheet;
 //! - a line that meets nothing snaps to the nearest triangle within the tolerance; the rest is rejected.
+//!
+//! Most rays start on the surface: the few triangles in the cell of the start settle them, the tree is asked for the others.
 
 use super::bvh::Bvh;
+use super::cells::{Cells, Near};
 use crate::hull::Hull;
 use crate::hull::focal::FocalGrid;
 use crate::source::Ray;
@@ -39,8 +42,8 @@ pub struct Projector<'a> {
     focal: Option<&'a FocalGrid>,
     /// How many triangles the index leaves to it.
     first: usize,
-    /// Corners of each triangle, mm: side by side, because every ray asks for many.
-    corners_mm: Vec<[DVec3; 3]>,
+    hull: &'a Hull,
+    cells: Cells,
     bvh: Bvh,
     /// Farther than this from the surface nothing is snapped, mm: a cell's diagonal.
     tolerance_mm: f64,
@@ -51,11 +54,11 @@ impl<'a> Projector<'a> {
     pub fn new(hull: &'a Hull) -> Projector<'a> {
         let focal = hull.focal.as_ref();
         let first = focal.map_or(0, |grid| grid.triangle_count);
-        let corners_mm: Vec<[DVec3; 3]> =
-            (first..hull.triangles.len()).map(|triangle| hull.corners_mm(triangle)).collect();
-        let boxes: Vec<Bounds> = corners_mm.iter().map(|corners| Bounds::of(*corners)).collect();
+        let boxes: Vec<Bounds> =
+            (first..hull.triangles.len()).map(|triangle| Bounds::of(hull.corners_mm(triangle))).collect();
         let cell_mm = focal.map_or(hull.cell_mm, |grid| grid.loose_cell_mm);
-        Projector { focal, first, corners_mm, bvh: Bvh::new(&boxes), tolerance_mm: cell_mm.length() }
+        let cells = Cells::new(&boxes, cell_mm.max_element());
+        Projector { focal, first, hull, cells, bvh: Bvh::new(&boxes), tolerance_mm: cell_mm.length() }
     }
 
     /// Where `ray` lands; `None` when it is rejected.
@@ -63,12 +66,12 @@ impl<'a> Projector<'a> {
         if let Some((triangle, shares)) = self.focal.and_then(|grid| grid.land(ray)) {
             return Some(Landing { triangle, shares, fate: Fate::Hit });
         }
-        if self.corners_mm.is_empty() {
+        if self.first == self.hull.triangles.len() {
             return None;
         }
         let landing = |(triangle, t): (usize, f64)| {
             let point_mm = ray.origin_mm + t * ray.direction;
-            Landing { triangle, shares: barycentric(self.corners_mm[triangle], point_mm), fate: Fate::Hit }
+            Landing { triangle, shares: barycentric(self.corners_mm(triangle), point_mm), fate: Fate::Hit }
         };
         let landing = self.crossing(ray).map(landing).or_else(|| self.snap(ray.origin_mm))?;
         Some(Landing { triangle: self.first + landing.triangle, ..landing })
@@ -76,6 +79,12 @@ impl<'a> Projector<'a> {
 
     /// Triangle and signed distance along the ray where its line lands.
     fn crossing(&self, ray: &Ray) -> Option<(usize, f64)> {
+        let near = self.cells.near(ray.origin_mm).and_then(|near| self.crossing_near(ray, &near));
+        near.or_else(|| self.crossing_anywhere(ray))
+    }
+
+    /// The same, by the tree.
+    fn crossing_anywhere(&self, ray: &Ray) -> Option<(usize, f64)> {
         let any = |_: f64| true;
         let out = |cosine: f64| cosine > 0.0;
         let ahead = self.first(ray, 1.0, f64::INFINITY, any);
@@ -94,16 +103,53 @@ impl<'a> Projector<'a> {
             .or_else(|| self.first(ray, -1.0, self.tolerance_mm, any))
     }
 
+    /// The same, where what lies in the cell of the start is enough to tell: what is met within a cell is met before all that lies beyond.
+    fn crossing_near(&self, ray: &Ray, near: &Near<'_>) -> Option<(usize, f64)> {
+        let [reach_behind, reach_ahead] = reach_mm(&near.cell, ray);
+        let [mut ahead, mut behind]: [Option<(usize, f64)>; 2] = [None, None];
+        for item in near.items {
+            let triangle = *item as usize;
+            let Some((t, cosine)) = meet(self.corners_mm(triangle), ray.origin_mm, ray.direction) else { continue };
+            if self.is_on(t) && t <= reach_ahead && ahead.is_none_or(|(_, least)| t < least) {
+                ahead = Some((triangle, t));
+            }
+            if cosine > 0.0 && self.is_on(-t) && -t <= reach_behind && behind.is_none_or(|(_, least)| -t < -least) {
+                behind = Some((triangle, t));
+            }
+        }
+        match (ahead, behind) {
+            (Some((triangle, t)), _) if self.leads_out(triangle, ray.direction) => {
+                let limit_mm = t.abs().min(self.tolerance_mm);
+                let closer =
+                    behind.filter(|(_, back)| limit_mm > 0.0 && back.abs() <= limit_mm && back.abs() < t.abs());
+                (limit_mm <= reach_behind).then_some(closer.unwrap_or((triangle, t)))
+            }
+            (Some(_), behind) => behind,
+            (None, Some((_, back))) => behind.filter(|_| back.abs() <= self.tolerance_mm && back.abs() < reach_ahead),
+            (None, None) => None,
+        }
+    }
+
+    /// Whether a crossing at `t` counts as ahead: rounding may put one at the start a hair behind it.
+    fn is_on(&self, t: f64) -> bool {
+        t >= -1e-9 * self.tolerance_mm
+    }
+
+    /// Corners of a triangle that is left to the index.
+    fn corners_mm(&self, triangle: usize) -> [DVec3; 3] {
+        self.hull.corners_mm(self.first + triangle)
+    }
+
     fn leads_out(&self, triangle: usize, direction: DVec3) -> bool {
-        let [a, b, c] = self.corners_mm[triangle];
+        let [a, b, c] = self.corners_mm(triangle);
         direction.dot((b - a).cross(c - a)) > 0.0
     }
 
     /// First crossing ahead (`sense` +1) or behind (−1) whose cosine to the outward normal is `wanted`; signed distance.
     fn first(&self, ray: &Ray, sense: f64, limit_mm: f64, wanted: impl Fn(f64) -> bool) -> Option<(usize, f64)> {
         let meet = |triangle: usize| {
-            let (t, cosine) = meet(self.corners_mm[triangle], ray.origin_mm, ray.direction)?;
-            wanted(cosine).then_some(sense * t).filter(|t| *t >= -1e-9 * self.tolerance_mm)
+            let (t, cosine) = meet(self.corners_mm(triangle), ray.origin_mm, ray.direction)?;
+            wanted(cosine).then_some(sense * t).filter(|t| self.is_on(*t))
         };
         let (triangle, t) = self.bvh.first_along(ray.origin_mm, sense * ray.direction, limit_mm, meet)?;
         Some((triangle, sense * t))
@@ -113,7 +159,7 @@ impl<'a> Projector<'a> {
     fn snap(&self, point_mm: DVec3) -> Option<Landing> {
         let mut best: Option<(f64, usize, DVec3)> = None;
         self.bvh.near(point_mm, self.tolerance_mm, |triangle| {
-            let nearest_mm = nearest_point(self.corners_mm[triangle], point_mm);
+            let nearest_mm = nearest_point(self.corners_mm(triangle), point_mm);
             let distance_mm = nearest_mm.distance(point_mm);
             let closer = best.is_none_or(|(least, other, _)| (distance_mm, triangle) < (least, other));
             if distance_mm <= self.tolerance_mm && closer {
@@ -122,10 +168,20 @@ impl<'a> Projector<'a> {
         });
         best.map(|(_, triangle, nearest_mm)| Landing {
             triangle,
-            shares: barycentric(self.corners_mm[triangle], nearest_mm),
+            shares: barycentric(self.corners_mm(triangle), nearest_mm),
             fate: Fate::Snapped,
         })
     }
+}
+
+/// How far the line of a ray runs within a box that it starts in, backwards and forwards, mm.
+fn reach_mm(bounds: &Bounds, ray: &Ray) -> [f64; 2] {
+    (0..3).fold([f64::INFINITY; 2], |[behind, ahead], axis| {
+        let along = |side: f64| (side - ray.origin_mm[axis]) / ray.direction[axis];
+        let [a, b] = [along(bounds.min[axis]), along(bounds.max[axis])];
+        // Along an axis that the ray does not move in, 0 / 0 is no number, which `min` and `max` leave out.
+        [behind.min((-a.min(b)).max(0.0)), ahead.min(a.max(b).max(0.0))]
+    })
 }
 
 /// Signed distance along unit `direction` at which a line meets a triangle, and the sign-carrying cosine to its normal (not
@@ -138,13 +194,16 @@ fn meet([a, b, c]: [DVec3; 3], origin_mm: DVec3, direction: DVec3) -> Option<(f6
         return None;
     }
     let s = origin_mm - a;
+    let slack = 1e-9;
     let u = s.dot(p) / determinant;
+    if !(-slack..=1.0 + slack).contains(&u) {
+        return None;
+    }
     let q = s.cross(ab);
     let v = direction.dot(q) / determinant;
     let t = ac.dot(q) / determinant;
-    let slack = 1e-9;
     // The determinant is −direction · (ab × ac): negative when leaving.
-    (u >= -slack && v >= -slack && u + v <= 1.0 + slack && t.is_finite()).then_some((t, -determinant))
+    (v >= -slack && u + v <= 1.0 + slack && t.is_finite()).then_some((t, -determinant))
 }
 
 /// Barycentric coordinates of a point in the triangle's plane, clipped to the triangle: not negative, sum 1.
@@ -299,6 +358,28 @@ mod tests {
             None,
             "light that comes in from outside"
         );
+    }
+
+    /// What the cell of the start settles is what the tree finds.
+    #[test]
+    fn near_rays_land_where_the_tree_lands_them() {
+        for hull in [cube(), sheet()] {
+            let projector = Projector::new(&hull);
+            let mut settled = 0;
+            for k in 1..5000 {
+                let [x, y, z, w] = scatter(k);
+                let off_mm = [0.0, 1e-9, -1e-9, 0.02 * (z - 0.5), 0.3 * (z - 0.5)][k % 5];
+                let direction = DVec3::new(z - 0.5, w - 0.5, (x * 7.0).fract() - 0.3);
+                let ray = ray(DVec3::new(x, y, off_mm), direction);
+                let near = projector.cells.near(ray.origin_mm).and_then(|near| projector.crossing_near(&ray, &near));
+                if let Some((triangle, t)) = near {
+                    settled += 1;
+                    let (by_tree, t_by_tree) = projector.crossing_anywhere(&ray).unwrap();
+                    assert!((t - t_by_tree).abs() < 1e-12, "ray {k}: {t} on {triangle}, {t_by_tree} on {by_tree}");
+                }
+            }
+            assert!(settled > 500, "only {settled} of 4999 were compared");
+        }
     }
 
     #[test]

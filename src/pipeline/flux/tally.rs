@@ -11,6 +11,7 @@ use crate::source::{Ray, Spectral};
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::units::Flux;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// Quanta in one ray's count: shares of a ray are counted to a millionth.
 const RAY_QUANTA: f64 = (1u64 << 20) as f64;
@@ -70,9 +71,9 @@ impl Quanta {
     }
 }
 
-/// Rounds to whole quanta; negative and not-a-number become 0.
+/// Rounds to whole quanta; negative and not-a-number become 0. (`round` is a call on most processors' common instructions.)
 fn quanta(amount: f64) -> u64 {
-    amount.round() as u64
+    (amount + 0.5) as u64
 }
 
 /// What one ray, or a share of it, adds to a site; in quanta.
@@ -109,62 +110,106 @@ impl Deposit {
     }
 }
 
+/// Most values of which each thread has a table of its own: 8 MB.
+const MOST_OWN_VALUES: usize = 1 << 20;
+
 /// Sums of deposits per site.
 pub struct Tally {
     quanta: Quanta,
     column_count: usize,
-    values: Vec<AtomicU64>,
+    values: usize,
+    /// Where all threads add to one large table.
+    shared: Vec<AtomicU64>,
+    /// Otherwise one table per thread at work, here while none adds to it.
+    idle: Mutex<Vec<Vec<u64>>>,
+}
+
+/// The table of a [`Tally`] that one thread adds to; what was added is in the tally when this is dropped.
+pub struct Adding<'a> {
+    tally: &'a Tally,
+    own: Vec<u64>,
 }
 
 impl Tally {
-    /// No deposits yet at `sites` sites. Memory: `8 × sites × (3 + columns)` bytes.
+    /// No deposits yet at `sites` sites. Memory: `8 × sites × (3 + columns)` bytes, for each thread while that is at most 8 MB.
     ///
     /// # Errors
     /// `flux.too_large` above [`Limits::max_tally_values`].
     pub fn new(quanta: &Quanta, sites: usize, with_columns: bool, limits: &Limits) -> Result<Tally, Error> {
         let column_count = if with_columns { quanta.spectral.column_count() } else { 0 };
-        if sites.saturating_mul(FIXED + column_count) > limits.max_tally_values {
+        let values = sites.saturating_mul(FIXED + column_count);
+        if values > limits.max_tally_values {
             let found = format!(
                 "{sites} places (vertices, or zones times cells of directions) with {column_count} spectral columns each are too many numbers."
             );
             let remedy = "Ask for fewer zones, wider angle steps, fewer bands, or a coarser hull.";
             return Err(Error::refused("flux.too_large", found, remedy));
         }
-        let values = std::iter::repeat_with(|| AtomicU64::new(0)).take(sites * (FIXED + column_count)).collect();
-        Ok(Tally { quanta: quanta.clone(), column_count, values })
+        let shared = if values > MOST_OWN_VALUES { values } else { 0 };
+        Ok(Tally {
+            quanta: quanta.clone(),
+            column_count,
+            values,
+            shared: std::iter::repeat_with(|| AtomicU64::new(0)).take(shared).collect(),
+            idle: Mutex::default(),
+        })
     }
 
-    /// Adds `deposit` to `site`; from any thread.
-    pub fn add(&self, site: usize, deposit: &Deposit) {
-        let row = site * (FIXED + self.column_count);
-        let add = |slot: usize, amount: u64| {
-            if amount != 0 {
-                self.values[row + slot].fetch_add(amount, Ordering::Relaxed);
-            }
-        };
-        for (slot, amount) in deposit.fixed.into_iter().enumerate() {
-            add(slot, amount);
-        }
-        if self.column_count > 0 {
-            for (column, amount) in deposit.columns {
-                add(FIXED + column, amount);
-            }
-        }
+    /// Begins to add on this thread.
+    pub fn adding(&self) -> Adding<'_> {
+        let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let own = if self.shared.is_empty() { self.values } else { 0 };
+        Adding { tally: self, own: idle.unwrap_or_else(|| vec![0; own]) }
     }
 
     /// The sums, in W and lm.
     pub fn amounts(self) -> Amounts {
-        let width = FIXED + self.column_count;
-        let scaled = |slot: usize, per_unit: f64| -> Vec<f64> {
-            self.values.chunks_exact(width).map(|row| row[slot].load(Ordering::Relaxed) as f64 / per_unit).collect()
-        };
-        let columns = self.values.chunks_exact(width).flat_map(|row| &row[FIXED..]);
+        let mut values: Vec<u64> = self.shared.into_iter().map(AtomicU64::into_inner).collect();
+        values.resize(self.values, 0);
+        for own in self.idle.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            values.iter_mut().zip(own).for_each(|(sum, amount)| *sum += amount);
+        }
+        let rows = || values.chunks_exact(FIXED + self.column_count);
+        let scaled = |slot: usize, per_unit: f64| rows().map(|row| row[slot] as f64 / per_unit).collect::<Vec<f64>>();
         Amounts {
             rays: scaled(0, RAY_QUANTA),
             radiant_w: self.quanta.flux.radiant_w.map(|_| scaled(1, self.quanta.per_w)),
             luminous_lm: self.quanta.flux.luminous_lm.map(|_| scaled(2, self.quanta.per_lm)),
-            columns: columns.map(|value| value.load(Ordering::Relaxed) as f64 / self.quanta.per_column).collect(),
+            columns: rows().flat_map(|row| &row[FIXED..]).map(|value| *value as f64 / self.quanta.per_column).collect(),
             column_count: self.column_count,
+        }
+    }
+}
+
+impl Adding<'_> {
+    /// Adds `deposit` to `site`.
+    pub fn add(&mut self, site: usize, deposit: &Deposit) {
+        let row = site * (FIXED + self.tally.column_count);
+        for (slot, amount) in deposit.fixed.into_iter().enumerate() {
+            self.add_value(row + slot, amount);
+        }
+        if self.tally.column_count > 0 {
+            for (column, amount) in deposit.columns {
+                self.add_value(row + FIXED + column, amount);
+            }
+        }
+    }
+
+    fn add_value(&mut self, at: usize, amount: u64) {
+        match self.own.get_mut(at) {
+            Some(sum) => *sum += amount,
+            None if amount != 0 => {
+                self.tally.shared[at].fetch_add(amount, Ordering::Relaxed);
+            }
+            None => {}
+        }
+    }
+}
+
+impl Drop for Adding<'_> {
+    fn drop(&mut self) {
+        if !self.own.is_empty() {
+            self.tally.idle.lock().unwrap_or_else(PoisonError::into_inner).push(std::mem::take(&mut self.own));
         }
     }
 }
@@ -317,7 +362,7 @@ mod tests {
     fn known_to_be_nothing_is_nothing() {
         let quanta = quanta_of(Flux { radiant_w: Some(1.0), luminous_lm: Some(0.0) }, Columns::Bands);
         let tally = Tally::new(&quanta, 1, true, &Limits::default()).unwrap();
-        tally.add(0, &quanta.deposit(&Ray { luminous_lm: 0.0, ..ray(1.0, 40) }));
+        tally.adding().add(0, &quanta.deposit(&Ray { luminous_lm: 0.0, ..ray(1.0, 40) }));
         assert_eq!(tally.amounts().total(), Flux { radiant_w: Some(1.0), luminous_lm: Some(0.0) });
     }
 
@@ -336,7 +381,9 @@ mod tests {
         let quanta = quanta_of(Flux { radiant_w: Some(4.0), luminous_lm: None }, Columns::Bands);
         let add = |order: &mut dyn Iterator<Item = usize>| {
             let tally = Tally::new(&quanta, 1, true, &Limits::default()).unwrap();
-            order.for_each(|k| tally.add(0, &quanta.deposit(&ray(4.0 * (k + 1) as f64 / 500_500.0, (k % 41) as u32))));
+            order.for_each(|k| {
+                tally.adding().add(0, &quanta.deposit(&ray(4.0 * (k + 1) as f64 / 500_500.0, (k % 41) as u32)))
+            });
             tally.amounts()
         };
         let (forth, back) = (add(&mut (0..1000)), add(&mut (0..1000).rev()));

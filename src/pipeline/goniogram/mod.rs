@@ -26,7 +26,7 @@ pub use zone::{Lattice, Zone};
 use crate::error::Error;
 use crate::flux::Surface;
 use crate::flux::project::Landing;
-use crate::flux::tally::{Deposit, Quanta, Tally};
+use crate::flux::tally::{self, Deposit, Quanta, Tally};
 use crate::hull::{Carrier, Cloud, Hull};
 use crate::inspection::sample::hash;
 use crate::rays::direction_cube::DirectionCube;
@@ -131,27 +131,42 @@ pub fn plan(
     Ok(Plan { zoning, grids, narrow, fine, spectral })
 }
 
-impl Plan {
+/// What one thread adds to a [`Plan`].
+pub struct Adding<'a> {
+    plan: &'a Plan,
+    hull: &'a Hull,
+    fine: tally::Adding<'a>,
+    spectral: Option<tally::Adding<'a>>,
+}
+
+impl Adding<'_> {
     /// Adds a ray that landed to the cells of the zones its triangle's corners belong to, by the weights at its landing point: a zone's
     /// flux is the flux of its vertices before smoothing. Sites are `zone × cells + cell`, over the fine and the spectral grid.
-    pub fn add(&self, hull: &Hull, ray: &Ray, landing: &Landing, deposit: &Deposit) {
-        let Plan { zoning, grids, narrow, fine, spectral } = self;
+    pub fn add(&mut self, ray: &Ray, landing: &Landing, deposit: &Deposit) {
+        let Plan { zoning, grids, narrow, .. } = self.plan;
         let direction = narrow.as_ref().map_or(ray.direction, |beam| beam.shown(ray.direction, hash(!hash(ray.index))));
         let (c, gamma) = zoning.frame.angles(direction);
         let cell = grids.fine.cell(c, gamma);
-        let spectral = spectral.as_ref().map(|tally| (tally, grids.spectral.cell(c, gamma)));
-        let put = |zone: u32, part: &Deposit| {
-            fine.add(zone as usize * grids.fine.cell_count() + cell, part);
-            if let Some((tally, cell)) = spectral {
-                tally.add(zone as usize * grids.spectral.cell_count() + cell, part);
+        let spectral_cell = grids.spectral.cell(c, gamma);
+        let mut put = |zone: u32, part: &Deposit| {
+            self.fine.add(zone as usize * grids.fine.cell_count() + cell, part);
+            if let Some(spectral) = &mut self.spectral {
+                spectral.add(zone as usize * grids.spectral.cell_count() + spectral_cell, part);
             }
         };
-        let zones = hull.triangles[landing.triangle].map(|vertex| zoning.zone_of_vertex[vertex as usize]);
+        let zones = self.hull.triangles[landing.triangle].map(|vertex| zoning.zone_of_vertex[vertex as usize]);
         if zones[0] == zones[1] && zones[1] == zones[2] {
             put(zones[0], deposit);
         } else {
             zones.iter().zip(deposit.split(landing.shares)).for_each(|(zone, part)| put(*zone, &part));
         }
+    }
+}
+
+impl Plan {
+    /// Begins to add on this thread what lands on `hull`.
+    pub fn adding<'a>(&'a self, hull: &'a Hull) -> Adding<'a> {
+        Adding { plan: self, hull, fine: self.fine.adding(), spectral: self.spectral.as_ref().map(Tally::adding) }
     }
 
     /// The goniograms of what was counted, one for each zone and one for the whole source.

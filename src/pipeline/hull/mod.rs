@@ -10,7 +10,7 @@ pub mod focal;
 /// The hull on a focal surface.
 mod sheet;
 /// The regular lattice the six views share.
-mod lattice;
+pub(crate) mod lattice;
 /// Pass 1: how many emission points lie in each cell; which resolution they carry; strays.
 mod occupancy;
 /// Six projections and their level grids; the solid they carve.

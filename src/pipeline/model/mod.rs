@@ -70,18 +70,23 @@ impl Model {
             .then(|| volume::plan(cloud, sample, limits, flux_stage.part(0.0, 0.1)))
             .transpose()?;
         let pilot = pilot.filter(|_| options.goniogram.zoning() == ZoneLayout::Auto).unwrap_or(cloud);
-        let sketch = flux::project(pilot, &hull, &options.flux, limits, flux_stage.part(0.1, 0.3), |_, _, _| ())?;
+        let sketch = flux::project(pilot, &hull, &options.flux, limits, flux_stage.part(0.1, 0.3), || {
+            |_: &Ray, _: Option<&Landing>, _: &Deposit| ()
+        })?;
         let rays = cloud.ray_count() as f64 / pilot.ray_count().max(1) as f64;
         let plan = goniogram::plan(cloud, &hull, &sketch.of_more_rays(rays), sample, &options.goniogram, limits)?;
-        let add = |ray: &Ray, landing: Option<&Landing>, deposit: &Deposit| {
-            if let Some(landing) = landing {
-                plan.add(&hull, ray, landing, deposit);
-            }
-            if let Some(volume) = &in_volume {
-                volume.add(ray, deposit);
+        let begin = || {
+            let (mut zones, mut nodes) = (plan.adding(&hull), in_volume.as_ref().map(volume::Plan::adding));
+            move |ray: &Ray, landing: Option<&Landing>, deposit: &Deposit| {
+                if let Some(landing) = landing {
+                    zones.add(ray, landing, deposit);
+                }
+                if let Some(nodes) = &mut nodes {
+                    nodes.add(ray, deposit);
+                }
             }
         };
-        let surface = flux::project(cloud, &hull, &options.flux, limits, flux_stage.part(0.3, 0.95), add)?;
+        let surface = flux::project(cloud, &hull, &options.flux, limits, flux_stage.part(0.3, 0.95), begin)?;
         let volume = in_volume
             .map(|plan| plan.measure(cloud, &surface.ray, &options.flux, flux_stage.part(0.95, 1.0)))
             .transpose()?;

@@ -88,9 +88,17 @@ impl Rows {
         &self.entries[self.starts[k]..self.starts[k + 1]]
     }
 
-    fn apply(&self, values: &[f64]) -> Vec<f64> {
-        let term = |(other, weight): &(u32, f32)| f64::from(*weight) * values[*other as usize];
-        (0..self.len()).map(|k| self.row(k).iter().map(term).sum()).collect()
+    /// The products with `N` vectors that lie side by side.
+    fn apply<const N: usize>(&self, values: &[[f64; N]]) -> Vec<[f64; N]> {
+        let product = |k: usize| {
+            let mut sums = [0.0; N];
+            for (other, weight) in self.row(k) {
+                let (weight, values) = (f64::from(*weight), &values[*other as usize]);
+                sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
+            }
+            sums
+        };
+        (0..self.len()).map(product).collect()
     }
 
     /// Adds the product of the row `first` and this matrix to `product`, by columns.
@@ -178,52 +186,58 @@ impl Levels {
     }
 
     /// Amounts of sites as amounts of the scale's clusters.
-    pub fn gather(&self, scale: Scale, amounts: &[f64]) -> Vec<f64> {
+    pub fn gather<const N: usize>(&self, scale: Scale, amounts: &[[f64; N]]) -> Vec<[f64; N]> {
         let level = &self.levels[scale.level];
-        let mut sums = vec![0.0; level.spread.len()];
-        amounts.iter().zip(&level.cluster).for_each(|(amount, cluster)| sums[*cluster as usize] += amount);
-        sums
+        sums(amounts, &level.cluster, level.spread.len())
     }
 
     /// Amounts of clusters, smoothed.
-    pub fn smooth(&self, scale: Scale, amounts: &[f64]) -> Vec<f64> {
+    pub fn smooth<const N: usize>(&self, scale: Scale, amounts: Vec<[f64; N]>) -> Vec<[f64; N]> {
         let steps = if scale.smoothed { STEPS } else { 0 };
-        (0..steps).fold(amounts.to_vec(), |amounts, _| self.levels[scale.level].spread.apply(&amounts))
+        (0..steps).fold(amounts, |amounts, _| self.levels[scale.level].spread.apply(&amounts))
     }
 
     /// Variance of [`Levels::smooth`] of `amounts` that rays of amount 1 make up.
     pub fn variance(&self, scale: Scale, amounts: &[f64]) -> Vec<f64> {
-        if scale.smoothed {
-            self.levels[scale.level].noise.apply(amounts)
-        } else {
-            amounts.iter().map(|amount| self.own_noise * amount).collect()
+        if !scale.smoothed {
+            return amounts.iter().map(|amount| self.own_noise * amount).collect();
         }
+        let amounts: Vec<[f64; 1]> = amounts.iter().map(|amount| [*amount]).collect();
+        self.levels[scale.level].noise.apply(&amounts).into_iter().map(|[variance]| variance).collect()
     }
 
     /// Sums of amounts over the surroundings of each cluster.
-    pub fn surroundings(&self, scale: Scale, amounts: &[f64]) -> Vec<f64> {
-        let Some(coarser) = self.levels.get(scale.level + 1) else {
-            let level = &self.levels[scale.level];
-            return (0..WINDOW_STEPS).fold(amounts.to_vec(), |amounts, _| level.spread.apply(&amounts));
+    pub fn surroundings<const N: usize>(&self, scale: Scale, amounts: Vec<[f64; N]>) -> Vec<[f64; N]> {
+        let walk = |level: &Level, amounts: Vec<[f64; N]>| {
+            (0..WINDOW_STEPS).fold(amounts, |amounts, _| level.spread.apply(&amounts))
         };
-        let mut sums = vec![0.0; coarser.spread.len()];
-        amounts.iter().zip(&coarser.parent).for_each(|(amount, parent)| sums[*parent as usize] += amount);
-        let sums = (0..WINDOW_STEPS).fold(sums, |sums, _| coarser.spread.apply(&sums));
+        let Some(coarser) = self.levels.get(scale.level + 1) else { return walk(&self.levels[scale.level], amounts) };
+        let sums = walk(coarser, sums(&amounts, &coarser.parent, coarser.spread.len()));
         coarser.parent.iter().map(|parent| sums[*parent as usize]).collect()
     }
 
     /// Amounts spread over the surroundings of a scale of about four spacings, as amounts again: density times `measures`.
     pub fn blurred(&self, amounts: &[f64], measures: &[f64]) -> Vec<f64> {
         let scale = Scale { level: self.levels.len().saturating_sub(1).min(2), smoothed: true };
-        let [given, room] = [amounts, measures].map(|values| self.smooth(scale, &self.gather(scale, values)));
-        let density = given.iter().zip(room).map(|(given, room)| if room > 0.0 { given / room } else { 0.0 }).collect();
-        self.interpolate(scale, density).iter().zip(measures).map(|(density, measure)| density * measure).collect()
+        let both: Vec<[f64; 2]> = amounts.iter().zip(measures).map(|(amount, room)| [*amount, *room]).collect();
+        let both = self.smooth(scale, self.gather(scale, &both));
+        let density = both.into_iter().map(|[given, room]| [if room > 0.0 { given / room } else { 0.0 }]).collect();
+        self.interpolate(scale, density).iter().zip(measures).map(|([density], measure)| density * measure).collect()
     }
 
-    /// A number per cluster as a number per site, without steps from cluster to cluster.
-    pub fn interpolate(&self, scale: Scale, values: Vec<f64>) -> Vec<f64> {
+    /// Numbers per cluster as numbers per site, without steps from cluster to cluster.
+    pub fn interpolate<const N: usize>(&self, scale: Scale, values: Vec<[f64; N]>) -> Vec<[f64; N]> {
         (0..scale.level).rev().fold(values, |values, finer| self.levels[finer].finer.apply(&values))
     }
+}
+
+/// Sums of amounts over the members of each of `count` groups.
+fn sums<const N: usize>(amounts: &[[f64; N]], group: &[u32], count: usize) -> Vec<[f64; N]> {
+    let mut sums = vec![[0.0; N]; count];
+    for (amounts, group) in amounts.iter().zip(group) {
+        sums[*group as usize].iter_mut().zip(amounts).for_each(|(sum, amount)| *sum += amount);
+    }
+    sums
 }
 
 impl Level {

@@ -38,35 +38,35 @@ pub fn refine(levels: &Levels, counted: &[f64], prior: &[f64], ray: f64) -> Refi
     let (mut taken, mut variance) = (vec![0.0; sites], vec![0.0; sites]);
     let floor = FLOOR_RAYS * ray;
     for scale in levels.scales() {
-        let weighted: Vec<f64> = taken.iter().zip(&amounts).map(|(variance, amount)| variance * amount).collect();
-        let [expected, seen, weighted] = [&amounts, counted, &weighted].map(|amounts| levels.gather(scale, amounts));
-        let noise = levels.variance(scale, &expected);
-        let smooth = levels.smooth(scale, &expected);
-        let seen = levels.smooth(scale, &seen);
-        let clusters = expected.len();
-        let (mut excess, mut whole, mut fresh) = (vec![0.0; clusters], vec![0.0; clusters], vec![0.0; clusters]);
-        for k in 0..clusters {
-            let under = smooth[k] + floor;
-            excess[k] = (seen[k] + floor) / under - 1.0;
-            whole[k] = ray * noise[k] / (under * under);
-            let before = if expected[k] > 0.0 { weighted[k] / expected[k] } else { 0.0 };
-            fresh[k] = (whole[k] - before).max(LEAST_NEW_NOISE * whole[k]);
+        let sites: Vec<[f64; 3]> =
+            (0..sites).map(|site| [amounts[site], counted[site], taken[site] * amounts[site]]).collect();
+        let clusters = levels.gather(scale, &sites);
+        let noise = levels.variance(scale, &clusters.iter().map(|[expected, ..]| *expected).collect::<Vec<f64>>());
+        let smooth = levels.smooth(scale, clusters.iter().map(|[expected, seen, _]| [*expected, *seen]).collect());
+        // In each cluster how far the counts are above the expectation, its noise, and what of the noise coarser scales have not taken.
+        let found = |k: usize| {
+            let ([expected, _, weighted], [smooth, seen]) = (clusters[k], smooth[k]);
+            let under = smooth + floor;
+            let whole = ray * noise[k] / (under * under);
+            let before = if expected > 0.0 { weighted / expected } else { 0.0 };
+            [(seen + floor) / under - 1.0, whole, (whole - before).max(LEAST_NEW_NOISE * whole)]
+        };
+        let found: Vec<[f64; 3]> = (0..clusters.len()).map(found).collect();
+        let powers = found
+            .iter()
+            .zip(&clusters)
+            .map(|([excess, _, fresh], [expected, ..])| [fresh * expected, excess * excess * expected]);
+        let powers = levels.surroundings(scale, powers.collect());
+        let trusted = found.iter().zip(powers).map(|([excess, whole, fresh], [noise, signal])| {
+            let trust = if signal > 0.0 { (1.0 - CAUTION * noise / signal).clamp(0.0, 1.0) } else { 0.0 };
+            [trust * excess, trust * whole, trust * trust * fresh]
+        });
+        let trusted = levels.interpolate(scale, trusted.collect());
+        for (site, [change, whole, fresh]) in trusted.into_iter().enumerate() {
+            taken[site] = whole;
+            variance[site] += fresh;
+            amounts[site] = (amounts[site] * (1.0 + change)).max(0.0);
         }
-        let noise: Vec<f64> = (0..clusters).map(|k| fresh[k] * expected[k]).collect();
-        let signal: Vec<f64> = (0..clusters).map(|k| excess[k] * excess[k] * expected[k]).collect();
-        let (noise, signal) = (levels.surroundings(scale, &noise), levels.surroundings(scale, &signal));
-        let trust = |k: usize| {
-            if signal[k] > 0.0 { (1.0 - CAUTION * noise[k] / signal[k]).clamp(0.0, 1.0) } else { 0.0 }
-        };
-        let trust: Vec<f64> = (0..clusters).map(trust).collect();
-        let with = |values: &[f64], power: i32| -> Vec<f64> {
-            let product = trust.iter().zip(values).map(|(trust, value)| trust.powi(power) * value).collect();
-            levels.interpolate(scale, product)
-        };
-        let change = with(&excess, 1);
-        taken = with(&whole, 1);
-        variance.iter_mut().zip(with(&fresh, 2)).for_each(|(sum, more)| *sum += more);
-        amounts.iter_mut().zip(change).for_each(|(amount, change)| *amount = (*amount * (1.0 + change)).max(0.0));
         let scaled = total / amounts.iter().sum::<f64>();
         amounts.iter_mut().for_each(|amount| *amount *= scaled);
     }

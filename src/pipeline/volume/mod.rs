@@ -9,7 +9,7 @@ pub mod lattice;
 use crate::error::Error;
 use crate::flux::Amounts;
 use crate::flux::exitance;
-use crate::flux::tally::{Deposit, Quanta, Tally};
+use crate::flux::tally::{self, Deposit, Quanta, Tally};
 use crate::hull::Cloud;
 use crate::options::FluxOptions;
 use crate::smoothing::{Levels, Sharing};
@@ -47,12 +47,25 @@ pub fn plan(cloud: &Cloud<'_>, sample: &[Ray], limits: &Limits, watch: StageWatc
     Ok(Plan { lattice, tally })
 }
 
-impl Plan {
+/// What one thread adds to a [`Plan`].
+pub struct Adding<'a> {
+    lattice: &'a VolumeLattice,
+    nodes: tally::Adding<'a>,
+}
+
+impl Adding<'_> {
     /// Shares a ray among the corners of the cell it starts in.
-    pub fn add(&self, ray: &Ray, deposit: &Deposit) {
+    pub fn add(&mut self, ray: &Ray, deposit: &Deposit) {
         let (cell, at) = self.lattice.place(ray.origin_mm);
         let parts = deposit.split(lattice::shares(at));
-        self.lattice.corners(cell).into_iter().zip(parts).for_each(|(node, part)| self.tally.add(node as usize, &part));
+        self.lattice.corners(cell).into_iter().zip(parts).for_each(|(node, part)| self.nodes.add(node as usize, &part));
+    }
+}
+
+impl Plan {
+    /// Begins to add on this thread.
+    pub fn adding(&self) -> Adding<'_> {
+        Adding { lattice: &self.lattice, nodes: self.tally.adding() }
     }
 
     /// The volume of what was counted. `ray`: what a typical ray carries.
