@@ -87,8 +87,10 @@ pub fn run(inputs: &[Input], options: &Options, limits: &Limits, watch: &dyn Wat
     let hull_stage = StageWatch::enter(watch, Stage::Hull)?;
     let chosen = candidates::choose(&source, options, limits, hull_stage.part(0.0, CHOICE))?;
     let cloud = hull::Cloud::new(&source, chosen.carrier);
-    let pilot = hull::Cloud::sampled(&source, &chosen.sample.training, chosen.carrier);
-    let model = model::Model::build(&cloud, Some(&pilot), options, limits, |stage| match stage {
+    let training = &chosen.sample.training;
+    // Of few lines that are repeated very often, none may be in the sample.
+    let pilot = (!training.rays.is_empty()).then(|| hull::Cloud::sampled(&source, training, chosen.carrier));
+    let model = model::Model::build(&cloud, pilot.as_ref(), options, limits, |stage| match stage {
         Stage::Hull => Ok(hull_stage.part(CHOICE, 1.0)),
         stage => StageWatch::enter(watch, stage),
     })?;

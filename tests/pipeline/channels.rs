@@ -229,10 +229,11 @@ fn files_of_different_kinds_become_one_source() {
     let density = source.spectral.bands_w_per_nm(&pass(&source)[3..]);
     let band = |nm: f64| density[source.spectral.bands.band(nm).unwrap()] * 10.0;
     assert!(close(band(555.0), 2.0, 1e-12) && close(band(655.0), 3.0, 1e-12) && band(605.0) == 0.0);
-    // Indices run on over all files.
+    // A pass shows the rays of all files, in the order of the files.
     let watch = StageWatch::enter(&NoProgress, Stage::Flux).unwrap();
-    let indices = source.fold(watch, vec![], |rays| Ok(rays.iter().map(|r| r.index).collect::<Vec<_>>()), Vec::extend);
-    assert_eq!(indices.unwrap(), [0, 1]);
+    let watts =
+        source.fold(watch, vec![], |rays| Ok(rays.iter().map(|r| r.radiant_w).collect::<Vec<_>>()), Vec::extend);
+    assert_eq!(watts.unwrap(), [2.0, 3.0]);
 }
 
 /// Wavelengths per ray, one table, a table per ray and a declared table in one source: the spectrum is their sum.

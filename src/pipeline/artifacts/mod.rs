@@ -57,6 +57,7 @@ pub fn write(model: &Model, options: &RunOptions, watch: StageWatch<'_>) -> Resu
     watch.step(0.8)?;
     artifacts.push(plots::hull::exitance_map(model));
     artifacts.extend(model.volume.as_ref().map(|volume| plots::volume::artifact(model, volume)));
+    artifacts.extend(model.study.as_ref().and_then(|study| plots::quality::artifact(model, study)));
     watch.step(0.9)?;
     let notices = notices(model).to_vec();
     artifacts.push(report::artifact(model, options, &notices)?);

@@ -9,7 +9,7 @@ use crate::writing::Artifact;
 use crate::writing::number::text;
 
 /// What each file is, by the beginning of its name.
-const MEANINGS: [(&str, &str); 9] = [
+const MEANINGS: [(&str, &str); 10] = [
     ("emitter.glb", "the surface: glTF 2.0 binary, metres, Y up; flux, spectra and zone of every vertex"),
     ("goniograms.json", "the angles: intensity of every zone and of the whole source, with spectra"),
     ("ies/", "the same luminous intensities as IES LM-63, one file for each zone and one for the whole"),
@@ -18,6 +18,7 @@ const MEANINGS: [(&str, &str); 9] = [
     ("plots/zones", "where the zones lie"),
     ("plots/hull", "the surface, coloured by how its triangles came to be and by exitance"),
     ("plots/volume", "the volume, by how much light leaves along each line of sight"),
+    ("plots/quality", "the errors of the model and of the rays themselves in several views"),
     ("report.json", "what was read, what was done, where every ray went, what to be careful about"),
 ];
 

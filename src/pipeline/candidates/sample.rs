@@ -22,7 +22,7 @@ pub struct Sample {
     pub training: Sampled,
     /// Rays held out, fluxes as in the source.
     pub held_out: Vec<Ray>,
-    /// A ray is in the sample when the hash of its index is at most this.
+    /// A ray is in the sample when its hash is at most this.
     keep_up_to: u64,
     /// And it may judge when that hash is at most this.
     judge_up_to: u64,
@@ -37,7 +37,7 @@ impl Sample {
         let [keep_up_to, judge_up_to] =
             [RAYS, JUDGING_RAYS].map(|rays| (rays / source.survey.rays_used.max(1) as f64 * u64::MAX as f64) as u64);
         let pick = |rays: &[Ray]| -> Result<Vec<(u64, Ray)>, Error> {
-            Ok(rays.iter().map(|ray| (hash(ray.index), *ray)).filter(|(place, _)| *place <= keep_up_to).collect())
+            Ok(rays.iter().map(|ray| (ray.hash(), *ray)).filter(|(place, _)| *place <= keep_up_to).collect())
         };
         let mut picked =
             Cloud::new(source, Carrier::Origins).fold(watch, Vec::new(), pick, |all: &mut Vec<(u64, Ray)>, part| {
@@ -69,7 +69,7 @@ impl Sample {
 
     /// Which half of the rays that judge a ray of the source is in; `None` where models were made of it, and of rays too many.
     pub fn judging_half(&self, ray: &Ray) -> Option<usize> {
-        let place = hash(ray.index);
+        let place = ray.hash();
         let judges = place <= self.judge_up_to && (place > self.keep_up_to || is_held_out(place));
         judges.then(|| (hash(!place) >> 63) as usize)
     }

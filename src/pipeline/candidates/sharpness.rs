@@ -449,15 +449,15 @@ mod tests {
     /// Lambertian light of points of `surface` within a square of 1 mm, its origins slid `slide_mm` ahead.
     fn rays(surface: &FocalSurface, slide_mm: f64) -> Vec<Ray> {
         let mut random = ChaCha8Rng::seed_from_u64(5);
-        let mut ray = |index: u64| {
+        let mut ray = || {
             let [x, y, u, turn] = [0; 4].map(|_| uniform(&mut random));
             let direction = DVec3::new(u.sqrt() * (TAU * turn).cos(), u.sqrt() * (TAU * turn).sin(), (1.0 - u).sqrt());
             let aim_mm = surface.apex_mm + surface.axes * DVec3::new(x - 0.5, y - 0.5, 0.0);
             let origin_mm = aim_mm + slide_mm / direction.z * (surface.axes * direction);
             let direction = surface.axes * direction;
-            Ray { index, origin_mm, direction, radiant_w: 1.0, luminous_lm: 0.0, column: 0, xz_lm: [0.0; 2] }
+            Ray { origin_mm, direction, radiant_w: 1.0, luminous_lm: 0.0, column: 0, xz_lm: [0.0; 2] }
         };
-        (0..20_000).map(&mut ray).collect()
+        (0..20_000).map(|_| ray()).collect()
     }
 
     /// The edge of a square of 1 mm is sharp within some hundredths of a millimetre where it lies, and nowhere else.

@@ -283,7 +283,7 @@ mod tests {
 
     fn ray(origin_mm: DVec3, direction: DVec3) -> Ray {
         let direction = direction.normalize();
-        Ray { index: 0, origin_mm, direction, radiant_w: 1.0, luminous_lm: 0.0, column: 0, xz_lm: [0.0; 2] }
+        Ray { origin_mm, direction, radiant_w: 1.0, luminous_lm: 0.0, column: 0, xz_lm: [0.0; 2] }
     }
 
     fn landed(hull: &Hull, landing: Landing) -> DVec3 {

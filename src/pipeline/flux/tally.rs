@@ -333,7 +333,6 @@ mod tests {
 
     fn ray(radiant_w: f64, column: u32) -> Ray {
         Ray {
-            index: 0,
             origin_mm: DVec3::ZERO,
             direction: DVec3::Z,
             radiant_w,

@@ -144,7 +144,7 @@ impl Adding<'_> {
     /// flux is the flux of its vertices before smoothing. Sites are `zone × cells + cell`, over the fine and the spectral grid.
     pub fn add(&mut self, ray: &Ray, landing: &Landing, deposit: &Deposit) {
         let Plan { zoning, grids, narrow, .. } = self.plan;
-        let direction = narrow.as_ref().map_or(ray.direction, |beam| beam.shown(ray.direction, hash(!hash(ray.index))));
+        let direction = narrow.as_ref().map_or(ray.direction, |beam| beam.shown(ray.direction, hash(!ray.hash())));
         let (c, gamma) = zoning.frame.angles(direction);
         let cell = grids.fine.cell(c, gamma);
         let spectral_cell = grids.spectral.cell(c, gamma);

@@ -301,7 +301,7 @@ mod tests {
 
     fn ray(origin_mm: DVec3, direction: DVec3) -> Ray {
         let direction = direction.normalize();
-        Ray { index: 0, origin_mm, direction, radiant_w: 1.0, luminous_lm: 3.0, column: 0, xz_lm: [1.0, 2.0] }
+        Ray { origin_mm, direction, radiant_w: 1.0, luminous_lm: 3.0, column: 0, xz_lm: [1.0, 2.0] }
     }
 
     fn axis() -> DVec3 {

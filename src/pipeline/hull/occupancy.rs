@@ -218,7 +218,6 @@ mod tests {
         let rays: Vec<Ray> = (0..5000)
             .map(|k| f64::from(k) * golden)
             .map(|t| Ray {
-                index: 0,
                 origin_mm: DVec3::new(3.0 * t.fract(), 1.3 * (7.0 * t).fract(), 0.4 * (31.0 * t).fract()),
                 direction: DVec3::Z,
                 radiant_w: 1.0,

@@ -37,7 +37,7 @@ impl Dice {
 }
 
 fn ray(origin_mm: DVec3, direction: DVec3) -> Ray {
-    Ray { index: 0, origin_mm, direction, radiant_w: 1.0, luminous_lm: 0.0, column: 0, xz_lm: [0.0; 2] }
+    Ray { origin_mm, direction, radiant_w: 1.0, luminous_lm: 0.0, column: 0, xz_lm: [0.0; 2] }
 }
 
 fn cloud(count: usize, seed: u64, mut make: impl FnMut(&mut Dice) -> (DVec3, DVec3)) -> Vec<Ray> {

@@ -10,6 +10,7 @@ use crate::error::Error;
 use crate::formats::record::CHUNK_RAYS;
 use crate::formats::record::{Facts, RawRay, RaySet, SpectralData};
 use crate::inspection;
+use crate::inspection::sample::hash;
 use crate::options::RaysOptions;
 use crate::rays::bands::ChannelSpectrum;
 use crate::rays::check::Checked;
@@ -31,8 +32,6 @@ use std::sync::Arc;
 /// A checked ray in the source frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
-    /// Index over all channels, from 0.
-    pub index: u64,
     /// Start, mm.
     pub origin_mm: DVec3,
     /// Unit direction.
@@ -51,6 +50,13 @@ impl Ray {
     /// What weights rays where one number is wanted: radiant flux where known, else luminous.
     pub fn weight(&self) -> f64 {
         if self.radiant_w > 0.0 { self.radiant_w } else { self.luminous_lm }
+    }
+
+    /// A number that looks like chance and follows from the line and the column of the ray, not from its place in the file: a shuffled
+    /// file is sampled alike.
+    pub fn hash(&self) -> u64 {
+        let line = self.origin_mm.to_array().into_iter().chain(self.direction.to_array()).map(f64::to_bits);
+        line.chain([u64::from(self.column)]).fold(0, |hashed, bits| hash(hashed ^ bits))
     }
 }
 
@@ -160,8 +166,6 @@ pub struct Channel {
     pub declared: Declared,
     /// What its declared flux came to.
     pub fixed: Option<Total>,
-    /// Index of its first ray over all channels.
-    first_index: u64,
     /// The file.
     set: RaySet,
     /// From its stored values to W and lm.
@@ -207,14 +211,13 @@ impl Channel {
     }
 
     /// The ray of a record that passed its check.
-    fn ray(&self, spectral: &Spectral, index: u64, raw: &RawRay, checked: &Checked) -> Ray {
+    fn ray(&self, spectral: &Spectral, raw: &RawRay, checked: &Checked) -> Ray {
         let column = match self.set.facts.spectral {
             SpectralData::Wavelength => spectral.bands.band(raw.wavelength_nm).unwrap_or(spectral.bands.len()) as u32,
             SpectralData::Tables(_) => self.first_column.saturating_add(raw.table),
             _ => self.first_column,
         };
         Ray {
-            index: self.first_index + index,
             origin_mm: DVec3::from_array(raw.origin_mm),
             direction: checked.direction,
             radiant_w: checked.flux[0],
@@ -273,7 +276,7 @@ impl Source {
             let channel = Channel::new(input, set, reading, flux, known.radiant);
             let (channel, told) = channel.map_err(|error| error.of_channel(index))?;
             notices.merge_of_channel(index, &channel.name, input.notices.iter().chain(told.iter()));
-            channels.push(Channel { first_index, ..channel });
+            channels.push(channel);
             first_index = end;
         }
         let mut whole = Survey::empty();
@@ -332,9 +335,9 @@ impl Source {
         scratch.raws.clear();
         scratch.rays.clear();
         channel.set.records.read(first, count, &mut scratch.raws)?;
-        for (index, raw) in (first..).zip(&scratch.raws) {
+        for raw in &scratch.raws {
             if let Ok(checked) = check::check(facts, &channel.conversion, raw) {
-                let ray = channel.ray(&self.spectral, index, raw, &checked);
+                let ray = channel.ray(&self.spectral, raw, &checked);
                 scratch.rays.push(Ray {
                     radiant_w: if self.flux.radiant_w.is_some() { ray.radiant_w } else { 0.0 },
                     luminous_lm: if self.flux.luminous_lm.is_some() { ray.luminous_lm } else { 0.0 },
@@ -418,7 +421,6 @@ impl Channel {
             flux,
             declared: input.declared.clone(),
             fixed,
-            first_index: 0,
             set,
             conversion,
             first_column: 0,

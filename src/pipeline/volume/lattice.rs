@@ -403,7 +403,6 @@ mod tests {
     #[test]
     fn a_ball_is_filled_and_its_surface_is_not() {
         let ray = |origin_mm: DVec3| Ray {
-            index: 0,
             origin_mm,
             direction: DVec3::Z,
             radiant_w: 1.0,
