@@ -87,9 +87,9 @@ pub fn run(inputs: &[Input], options: &Options, limits: &Limits, watch: &dyn Wat
     let hull_stage = StageWatch::enter(watch, Stage::Hull)?;
     let chosen = candidates::choose(&source, options, limits, hull_stage.part(0.0, CHOICE))?;
     let cloud = hull::Cloud::new(&source, chosen.carrier);
-    let training = &chosen.sample.training;
+    let sample = chosen.sample.whole(&source);
     // Of few lines that are repeated very often, none may be in the sample.
-    let pilot = (!training.rays.is_empty()).then(|| hull::Cloud::sampled(&source, training, chosen.carrier));
+    let pilot = (!sample.rays.is_empty()).then(|| hull::Cloud::sampled(&source, &sample, chosen.carrier));
     let model = model::Model::build(&cloud, pilot.as_ref(), options, limits, |stage| match stage {
         Stage::Hull => Ok(hull_stage.part(CHOICE, 1.0)),
         stage => StageWatch::enter(watch, stage),

@@ -53,10 +53,11 @@ impl Ray {
     }
 
     /// A number that looks like chance and follows from the line and the column of the ray, not from its place in the file: a shuffled
-    /// file is sampled alike.
+    /// file is sampled alike, and one whose numbers are written with the digits of an f32.
     pub fn hash(&self) -> u64 {
-        let line = self.origin_mm.to_array().into_iter().chain(self.direction.to_array()).map(f64::to_bits);
-        line.chain([u64::from(self.column)]).fold(0, |hashed, bits| hash(hashed ^ bits))
+        let line = self.origin_mm.to_array().into_iter().chain(self.direction.to_array());
+        let bits = line.map(|number| u64::from((number as f32).to_bits())).chain([u64::from(self.column)]);
+        bits.fold(0, |hashed, bits| hash(hashed ^ bits))
     }
 }
 
