@@ -72,7 +72,7 @@ fn longer_text<'r>(
     all: &[u8],
     length: Option<u64>,
 ) -> Result<Option<&'r Reader>, Error> {
-    let lines = || all.split(|byte| matches!(byte, b'\n' | b'\r'));
+    let lines = || without_padding(all).split(|byte| matches!(byte, b'\n' | b'\r'));
     let may_come = all.len() >= LOOK && lines().all(|line| line.len() <= LONGEST_HEAD_LINE);
     let more = length.is_none_or(|length| all.len() as u64 != length) && all.len() < MOST;
     match text(readers, words) {
