@@ -16,7 +16,7 @@ Ray files of one source, in one frame. What the file does not say, or says wrong
   quantity=Q       what the flux values are: radiant (W) or luminous (lm)
   columns=A:B:..   what stands in each column of a text: x y z l m n flux radiant_flux luminous_flux
                    wavelength_nm wavelength_um tristimulus_x tristimulus_z ignored
-  spectrum=FILE    spectrum of its light: two columns (nm or um, value), LightTools .sre, Zemax .spcd, Speos .spectrum
+  spectrum=FILE    spectrum of its light: two columns (nm or um, value), LightTools .sre, Zemax .spcd, Speos .spectrum, IES TM-27
   flux=FLUX        its flux, as 1.2W or 337lm
   share=SHARE      its share of --total, as 0.636W (of W) or 0.931lm (of lm)
 

@@ -128,7 +128,7 @@ async fn what_cannot_be_said_of_a_file_is_refused_at_the_parameter() {
     for (query, code, at) in [
         ("&columns=x,y,z,u", "rays.column_unknown", "columns"),
         ("&columns=x,y,z", "columns.count", "columns"),
-        ("&columns=x,y,z,l,m,n,ignored", "columns.missing", "columns"),
+        ("&columns=x,y,z,l,m,flux,ignored", "columns.missing", "columns"),
         ("&columns=l,m,n,x,y,z,flux", "columns.directions", "columns"),
         ("&length_unit=yd", "request.wrong_type", "length_unit"),
         ("&quantity=cd", "request.wrong_type", "quantity"),

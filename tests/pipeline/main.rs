@@ -4,6 +4,7 @@
 
 mod bad_input;
 mod channels;
+mod declarations;
 mod emission;
 mod inspection;
 mod known_sources;

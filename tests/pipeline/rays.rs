@@ -393,8 +393,8 @@ fn the_first_bytes_tell_as_much_as_they_can() {
     }
     assert_eq!(peek(&bytes[..36_288], Some(length - 2000), &limits).unwrap_err().code(), "tm25.size");
     let mut wrong = bytes[..36_288].to_vec();
-    wrong[60] = 7;
-    assert_eq!(peek(&wrong, None, &limits).unwrap_err().code(), "tm25.spectral_identifier");
+    wrong[256] = 0;
+    assert_eq!(peek(&wrong, None, &limits).unwrap_err().code(), "tm25.no_rays");
     assert_eq!(peek(b"LTRF....", Some(9_000_000_000), &limits).unwrap(), Some(Format::LightToolsBinary));
     let third = [*b"LTRF", [3, 0, 0, 0]].concat().into_iter().chain([0; 40]).collect::<Vec<u8>>();
     assert_eq!(peek(&third, None, &limits).unwrap_err().code(), "lighttools.polarised");

@@ -82,7 +82,8 @@ fn preamble(draw: &mut Draw, spectral_id: SpectralId) -> Preamble {
         index: spectral_id == SpectralId::IndexPerRay,
     };
     let points = (0..tables).map(|_| {
-        let start = draw.below(300) as f32 + 0.1;
+        // Wavelengths of light in nm; others would be taken for another unit, or for no spectrum.
+        let start = draw.below(300) as f32 + 100.1;
         (0..=draw.below(9)).map(|k| (start + 7.3 * k as f32, 0.25 + draw.below(1000) as f32 / 3.0)).collect()
     });
     let points = points.collect();
@@ -110,7 +111,8 @@ fn rays(draw: &mut Draw, preamble: &Preamble) -> Vec<(RawRay, Vec<f32>)> {
     let flags = header.flags;
     let mut drawn = Vec::new();
     for _ in 0..header.ray_count {
-        let [radiant, wavelength_nm, luminous, x, z] = draw.numbers();
+        let [radiant, luminous, x, z] = draw.numbers();
+        let wavelength_nm = f64::from(draw.below(1_000_000) as f32 / 64.0 + 100.0);
         let kept = |present: bool, value: f64| if present { value } else { 0.0 };
         let ray = RawRay {
             origin_mm: draw.numbers(),

@@ -4,26 +4,41 @@ use super::bytes::LOOK;
 use super::foreign;
 use super::foreign::EXPORT;
 use super::record::{Bytes, Reader, Sign};
+use super::text::lines::is_padding;
 use crate::error::Error;
+
+/// Most bytes looked at: comments may stand before everything else of a text.
+pub const MOST: usize = 1 << 20;
 
 /// The reader of a file, among `readers`.
 ///
 /// # Errors
 /// Refused with the format's name when it is one we know and do not read; malformed when it is none we know.
 pub fn detect<'r>(readers: &'r [Reader], bytes: &dyn Bytes) -> Result<&'r Reader, Error> {
-    let mut start = vec![0; usize::try_from(bytes.len()).unwrap_or(LOOK).min(LOOK)];
-    bytes.read_at(0, &mut start)?;
-    detect_start(readers, &start, Some(bytes.len()))?.ok_or_else(unknown)
+    let length = bytes.len();
+    for most in [LOOK, MOST] {
+        let mut start = vec![0; usize::try_from(length).unwrap_or(most).min(most)];
+        bytes.read_at(0, &mut start)?;
+        if let Some(reader) = detect_start(readers, &start, Some(length))? {
+            return Ok(reader);
+        }
+    }
+    Err(unknown())
 }
 
 /// The reader of a file that starts with `start` and is `length` bytes long, if that is known; `None` when more bytes are
-/// needed to tell.
+/// needed to tell. More than the first bytes are looked at only where these are words that could stand before rays.
 ///
 /// # Errors
 /// As [`detect`], as soon as the bytes at hand prove it.
 pub fn detect_start<'r>(readers: &'r [Reader], start: &[u8], length: Option<u64>) -> Result<Option<&'r Reader>, Error> {
     if length == Some(0) {
         return Err(Error::malformed("detect.empty", "The file is empty.", "Send the file's content.").at_byte(0));
+    }
+    let all = start;
+    let start = start.get(..start.len().min(LOOK)).unwrap_or_default();
+    if let Some(error) = foreign::swapped(start) {
+        return Err(error);
     }
     let by = |test: &dyn Fn(&Sign) -> bool| readers.iter().find(|reader| test(&reader.sign));
     if let Some(reader) = by(&|sign| matches!(sign, Sign::Magic(is) if is(start))) {
@@ -39,15 +54,47 @@ pub fn detect_start<'r>(readers: &'r [Reader], start: &[u8], length: Option<u64>
     if !complete {
         return Ok(None);
     }
-    if let Some(error) = foreign::by_text(start, start.len() < LOOK) {
+    let words = without_padding(start);
+    if let Some(error) = foreign::by_text(words, start.len() < LOOK) {
         return Err(error);
     }
-    if !start.contains(&0) {
-        return text(readers, start).map(Some).map_err(|error| error.at_byte(0));
+    if !words.contains(&0) {
+        return longer_text(readers, words, all, length).map_err(|error| error.at_byte(0));
     }
     let reader = by(&|sign| matches!(sign, Sign::Layout(is) if is(start, length)));
     reader.map(Some).ok_or_else(|| foreign::closed(start).unwrap_or_else(unknown))
 }
+
+/// What reads a text whose first bytes are `words` and of which `all` is at hand; `None` where more of it may tell.
+fn longer_text<'r>(
+    readers: &'r [Reader],
+    words: &[u8],
+    all: &[u8],
+    length: Option<u64>,
+) -> Result<Option<&'r Reader>, Error> {
+    let lines = || without_padding(all).split(|byte| matches!(byte, b'\n' | b'\r'));
+    let may_come = all.len() >= LOOK && lines().all(|line| line.len() <= LONGEST_HEAD_LINE);
+    let more = length.is_none_or(|length| all.len() as u64 != length) && all.len() < MOST;
+    match text(readers, words) {
+        Err(error) if error.code() == NOT_RAYS && may_come => match text(readers, without_padding(all)) {
+            Err(error) if error.code() == NOT_RAYS && more => Ok(None),
+            found => found.map(Some),
+        },
+        found => found.map(Some),
+    }
+}
+
+/// A text without the NULs and Ctrl-Zs that programs fill its end with.
+fn without_padding(text: &[u8]) -> &[u8] {
+    let end =
+        text.iter().rposition(|byte| !is_padding(*byte) && !byte.is_ascii_whitespace()).map_or(0, |last| last + 1);
+    text.get(..end).filter(|kept| !kept.is_empty()).unwrap_or(text)
+}
+
+/// Longest line before rays, bytes: a text with a longer one is not looked at any further.
+const LONGEST_HEAD_LINE: usize = 1024;
+/// Code of the refusal of a text without rays.
+const NOT_RAYS: &str = "detect.not_rays";
 
 /// How archives begin. Those that are unpacked here come to this only where they are not, inside another one.
 const ARCHIVES: [(&[u8], &str); 8] = [
@@ -88,7 +135,7 @@ fn text<'r>(readers: &'r [Reader], start: &[u8]) -> Result<&'r Reader, Error> {
     let lines = start.split(|byte| matches!(byte, b'\n' | b'\r')).map(<[u8]>::trim_ascii);
     let lines: Vec<&[u8]> = lines.filter(|line| !line.is_empty()).collect();
     by(&|sign| matches!(sign, Sign::Lines(are) if are(&lines)))
-        .ok_or_else(|| Error::malformed("detect.not_rays", "This is text, not a ray file.", EXPORT))
+        .ok_or_else(|| Error::malformed(NOT_RAYS, "This is text, not a ray file.", EXPORT))
 }
 
 fn unknown() -> Error {
@@ -140,6 +187,24 @@ mod tests {
     fn started(start: &[u8], length: Option<u64>) -> Result<Option<Format>, &'static str> {
         let found = detect_start(&FORMATS, start, length);
         found.map(|reader| reader.map(|reader| reader.format)).map_err(|error| error.code())
+    }
+
+    /// Comments of any length below [`MOST`] may stand before the rays, and padding behind them.
+    #[test]
+    fn the_verdict_does_not_depend_on_where_a_block_ends() {
+        let rows = "0 0 0 0 0 1 1\n0 0 0 0 0 1 1\n";
+        for count in [0, 50, 51, 52, 100, 5000] {
+            let comments = format!("# {}\n", "c".repeat(77)).repeat(count);
+            let [bare, zemax] = ["", "2 4 0 0\n"].map(|head| [&comments, head, rows].concat().into_bytes());
+            assert_eq!((code(&bare), code(&zemax)), ("text columns", "Zemax text"), "{count}");
+            for tail in [&b"\x1a"[..], &[0; 9000]] {
+                assert_eq!(code(&[&bare, tail].concat()), "text columns", "{count}");
+            }
+            let start = &bare[..bare.len().min(LOOK)];
+            let judged = started(start, Some(bare.len() as u64));
+            assert!(matches!(judged, Ok(None | Some(Format::Columns))), "{count}: {judged:?}");
+        }
+        assert_eq!(code("# words\n".repeat(200_000).as_bytes()), "detect.not_rays");
     }
 
     #[test]

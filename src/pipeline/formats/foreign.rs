@@ -1,7 +1,7 @@
 //! What is no ray file, and ray files whose layout is not public: refused by name, with what to take instead (`pipeline/formats/README.md` 0
 //! and 6). Content decides here too: a download page saved as `.ray` is a page.
 
-use super::bytes::word_in;
+use super::bytes::{i32_in, word_in};
 use super::proof;
 use crate::error::Error;
 
@@ -78,9 +78,49 @@ fn refused(code: &'static str, what: &str, remedy: &str) -> Error {
 
 /// The refusal of a file that starts with `start`, where its first bytes name it.
 pub fn by_magic(start: &[u8]) -> Option<Error> {
+    if is_ray_database(start) {
+        return Some(refused("detect.ray_database", RAY_DATABASE, SAVE_SOURCE));
+    }
     let (_, code, what) = MAGIC.into_iter().find(|(magic, ..)| start.starts_with(magic))?;
     let remedy = if code == "detect.archive" { "Unpack it and send the ray file inside." } else { EXPORT };
     Some(refused(code, what, remedy))
+}
+
+/// What an OpticStudio ray database is, and what to save in its place.
+const RAY_DATABASE: &str = "an OpticStudio ray database (.zrd): the ways of rays through a model, segment by segment";
+const SAVE_SOURCE: &str = "Trace again in OpticStudio with Save Rays to a .sdf or .dat file in place of the .zrd, with the number of the object \
+    that the rays hit before its name (3-led.sdf); or use the source's IES TM-25 or Zemax binary file.";
+
+/// A ray database: a version, 2002 and later, with 10000 or 20000 more where it is compressed; the most segments of a ray; the
+/// segments of the first ray.
+fn is_ray_database(start: &[u8]) -> bool {
+    let (version, most, first) = (i32_in(start, 0), i32_in(start, 4), i32_in(start, 8));
+    let known = matches!(version / 10_000, 0..=2) && (2000..=2030).contains(&(version % 10_000));
+    start.len() >= 12 && known && (1..=100_000).contains(&most) && (1..=most).contains(&first)
+}
+
+/// Whether a file begins as one of some kind.
+type Begins = fn(&[u8]) -> bool;
+
+/// Names of the binary formats, and whether bytes that are in the other order begin as one of their files.
+const SWAPPED: [(&str, Begins); 5] = [
+    ("an IES TM-25 file", |start| start.starts_with(b"TM25") && (2000..=2100).contains(&turned(start, 4))),
+    ("a LightTools file", |start| start.starts_with(b"LTRF") && matches!(turned(start, 4), 1..=9)),
+    ("a Zemax binary file", |start| matches!(turned(start, 0), 1010 | 8_675_309)),
+    ("an ASAP file", |start| (7..=16).any(|words| turned(start, 0) == 247 + 1024 * words)),
+    ("a Speos file", |start| start.len() >= 28 && (1..6).all(|k| turned(start, 4 * k) == 0x4000_0000)),
+];
+
+/// The integer at `at` with its bytes in the other order.
+fn turned(start: &[u8], at: usize) -> i32 {
+    i32::from_be_bytes(word_in(start, at))
+}
+
+/// The refusal of a ray file whose numbers have their bytes in the other order.
+pub fn swapped(start: &[u8]) -> Option<Error> {
+    let (what, _) = SWAPPED.into_iter().find(|(_, is)| start.len() >= 8 && is(start))?;
+    let found = format!("This is {what} whose numbers have their bytes in the wrong order (big-endian).");
+    Some(Error::refused("detect.byte_order", found, "Write the file again with little-endian numbers.").at_byte(0))
 }
 
 /// The refusal of a text that is no ray file; `None` for binary content and for text that may be one. `whole`: `start` is all of
@@ -89,6 +129,7 @@ pub fn by_text(start: &[u8], whole: bool) -> Option<Error> {
     let (text, wide) = decoded(start)?;
     let (code, what, remedy) = match named(&text, whole) {
         Some(named) => named,
+        None if wide && maker(start).is_some() => return maker(start),
         None if wide => ("detect.utf16", "text in UTF-16", "Save it as UTF-8 and send it again."),
         None => return None,
     };
@@ -105,15 +146,36 @@ fn decoded(start: &[u8]) -> Option<(String, bool)> {
     match start {
         [0xff, 0xfe, ..] => wide(u16::from_le_bytes),
         [0xfe, 0xff, ..] => wide(u16::from_be_bytes),
+        _ if is_wide(start, 1) => unmarked(start, u16::from_le_bytes),
+        _ if is_wide(start, 0) => unmarked(start, u16::from_be_bytes),
         _ if start.contains(&0) => None,
         _ => Some((String::from_utf8_lossy(start).trim_start_matches('\u{feff}').to_owned(), false)),
     }
+}
+
+/// UTF-16 without a mark: of nine in ten pairs of bytes, one, always the first or always the second, is NUL, and the other plain.
+fn is_wide(start: &[u8], nul: usize) -> bool {
+    let (pairs, _) = start.as_chunks::<2>();
+    let narrow = |pair: &&[u8; 2]| pair.get(nul) == Some(&0) && pair.get(1 - nul).is_some_and(|byte| is_plain(*byte));
+    pairs.len() >= 4 && 10 * pairs.iter().filter(narrow).count() >= 9 * pairs.len()
+}
+
+fn is_plain(byte: u8) -> bool {
+    byte.is_ascii_graphic() || byte.is_ascii_whitespace()
+}
+
+/// The text of UTF-16 without a mark.
+fn unmarked(start: &[u8], word: fn([u8; 2]) -> u16) -> Option<(String, bool)> {
+    let (pairs, _) = start.as_chunks::<2>();
+    let units: Vec<u16> = pairs.iter().map(|pair| word(*pair)).collect();
+    Some((String::from_utf16_lossy(&units), true))
 }
 
 type Named = (&'static str, &'static str, &'static str);
 
 /// What a text is, where it is something we know to be no rays.
 fn named(text: &str, whole: bool) -> Option<Named> {
+    let all: Vec<&str> = text.lines().map(str::trim).collect();
     let text = text.trim_start();
     let mut lines: Vec<&str> = text.lines().map(str::trim).collect();
     if !whole {
@@ -126,10 +188,12 @@ fn named(text: &str, whole: bool) -> Option<Named> {
     if is_json(text) {
         return Some(("detect.json", "JSON", EXPORT));
     }
-    if text.starts_with("IESNA") || lines.iter().any(|line| line.starts_with("TILT=")) {
+    if text.starts_with("IESNA") || text.starts_with("IES:LM-63") || lines.iter().any(|line| line.starts_with("TILT="))
+    {
         return Some(("detect.photometry", "an IES photometric file: directions without places", EXPORT));
     }
-    if is_eulumdat(&lines) {
+    // The first line of EULUMDAT, the company, may be empty.
+    if is_eulumdat(&lines) || is_eulumdat(&all) {
         return Some(("detect.photometry", "an EULUMDAT photometric file: directions without places", EXPORT));
     }
     let content = lines.iter().find(|line| !(line.is_empty() || line.starts_with('!')));
@@ -222,12 +286,8 @@ fn is_iges(text: &str) -> bool {
 
 /// The refusal of binary content that fits no format we read, as near to a name as it allows.
 pub fn closed(start: &[u8]) -> Option<Error> {
-    // Without NUL bytes, text in UTF-16 reads like text in ASCII.
-    let narrow: Vec<u8> = start.iter().copied().filter(|byte| *byte != 0).collect();
-    let lower = String::from_utf8_lossy(&narrow).to_lowercase();
-    if let Some((_, code, what, remedy)) = MAKERS.into_iter().find(|(name, ..)| lower.contains(name)) {
-        let found = format!("This looks like {what}, whose layout is not public.");
-        return Some(Error::refused(code, found, remedy).at_byte(0));
+    if let Some(error) = maker(start) {
+        return Some(error);
     }
     let (at, size) = rays_somewhere(start)?;
     let found = format!(
@@ -235,6 +295,16 @@ pub fn closed(start: &[u8]) -> Option<Error> {
          LucidShape, SimuLux and Photopia have such files."
     );
     Some(Error::refused("detect.closed_rays", found, EXPORT).at_byte(at as u64))
+}
+
+/// The refusal of a file whose first bytes have the name of a maker of closed formats.
+fn maker(start: &[u8]) -> Option<Error> {
+    // Without NUL bytes, text in UTF-16 reads like text in ASCII.
+    let narrow: Vec<u8> = start.iter().copied().filter(|byte| *byte != 0).collect();
+    let lower = String::from_utf8_lossy(&narrow).to_lowercase();
+    let (_, code, what, remedy) = MAKERS.into_iter().find(|(name, ..)| lower.contains(name))?;
+    let found = format!("This looks like {what}, whose layout is not public.");
+    Some(Error::refused(code, found, remedy).at_byte(0))
 }
 
 /// Where records with unit directions start, and their size: what these formats share is position, direction and flux in f32.
@@ -269,12 +339,46 @@ mod tests {
         }
     }
 
+    /// OpticStudio's help, "The ZRD Uncompressed Full Data Format": a version, the most segments, then the segments of each ray.
+    #[test]
+    fn ray_databases_have_a_name() {
+        for version in [2002, 2003, 12_002, 22_002] {
+            let bytes: Vec<u8> = [version, 5, 2, 0, 0].into_iter().flat_map(i32::to_le_bytes).chain([0; 208]).collect();
+            assert_eq!(code(&bytes), "detect.ray_database", "{version}");
+        }
+    }
+
+    #[test]
+    fn ray_files_with_their_bytes_in_the_other_order_have_names() {
+        let big = |numbers: &[i32]| numbers.iter().flat_map(|number| number.to_be_bytes()).collect::<Vec<u8>>();
+        let speos: Vec<u8> = [9.0_f32, 2.0, 2.0, 2.0, 2.0, 2.0, 1.0].into_iter().flat_map(f32::to_be_bytes).collect();
+        for bytes in [
+            [b"TM25".to_vec(), big(&[2013, 0])].concat(),
+            [b"LTRF".to_vec(), big(&[2, 0])].concat(),
+            big(&[1010, 9]),
+            big(&[8_675_309, 9]),
+            big(&[7415, 0]),
+            speos,
+        ] {
+            assert_eq!(code(&bytes), "detect.byte_order", "{bytes:?}");
+        }
+    }
+
+    #[test]
+    fn text_in_utf_16_without_its_mark_has_a_name() {
+        let rows = "0 0 0 0 0 1 1\n".repeat(4);
+        for wide in [u16::to_le_bytes, u16::to_be_bytes] {
+            let bytes: Vec<u8> = rows.encode_utf16().flat_map(wide).collect();
+            assert_eq!(code(&bytes), "detect.utf16");
+        }
+    }
+
     /// Each as its own format's documentation starts it.
     #[test]
     fn texts_that_are_no_rays_have_names() {
         let ldt = "Company\n1\n1\n1\n0\n37\n5.0\nreport\nlamp\n";
         let iges = format!("{:72}S      1\n", "a part");
-        let cases: [(&str, &str); 24] = [
+        let cases: [(&str, &str); 26] = [
             ("<!DOCTYPE html><html><body>Sign in</body></html>", "detect.html"),
             ("\u{feff}\n <HTML><head>", "detect.html"),
             ("<?xml version=\"1.0\"?>\n<IESTM2714 version=\"1.0\">", "detect.spectrum"),
@@ -285,6 +389,9 @@ mod tests {
             ("IESNA:LM-63-2002\n[TEST] 1\nTILT=NONE\n", "detect.photometry"),
             ("old header\nTILT=NONE\n1 -1 1 3 1\n", "detect.photometry"),
             (ldt, "detect.photometry"),
+            // Without a company.
+            ("\n1\n1\n1\n0\n37\n5.0\nreport\nlamp\n", "detect.photometry"),
+            ("IES:LM-63-2019\n[TEST] 1\n", "detect.photometry"),
             ("! Sample\nMATE CU\n0.4861 1.1512 -2.3025\nCOAT COPPER\nCU 0.0001 1\n", "detect.coating"),
             ("IDEAL I.50 0.5 0.5\n", "detect.coating"),
             ("VERS 140124 258 36214\nMODE NSC\nNAME LED\n", "detect.lens"),

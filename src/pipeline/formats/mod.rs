@@ -26,10 +26,14 @@ mod asap;
 mod prosource;
 /// What is no ray file, or none with a public layout.
 mod foreign;
+/// Wavelengths of rays in another unit than their format has.
+mod wavelengths;
 /// Which format a file is, from content alone.
 pub mod detect;
 /// Files as vendors ship them: gzip, zstd, zip.
 pub mod packed;
+/// IES TM-27 spectra.
+mod spectrum_xml;
 /// The spectrum of a channel from a file of its own.
 pub mod spectrum_file;
 
@@ -39,7 +43,7 @@ use crate::vocabulary::limits::Limits;
 use record::{Bytes, Format, RaySet, Reader, Sign};
 use std::io;
 use std::sync::Arc;
-use text::lines::leading_numbers;
+use text::lines::{is_comment, leading_numbers};
 
 /// Every format that is read, in the order in which a file is tried.
 const FORMATS: [Reader; 9] = [
@@ -70,19 +74,22 @@ const FORMATS: [Reader; 9] = [
     Reader {
         format: Format::LightToolsText,
         sign: Sign::Words(|text| text.contains("lt_rdf_version") || text.contains("lt_startofdata")),
-        open: |bytes, _, limits| lighttools::text::open(bytes, limits),
+        open: lighttools::text::open,
         peek: |bytes, length, _| lighttools::text::peek(bytes, length),
     },
     Reader {
         format: Format::ProSourceText,
         sign: Sign::Words(|text| text.contains("nbrrays requested")),
-        open: |bytes, _, limits| prosource::open(bytes, limits),
+        open: prosource::open,
         peek: |bytes, length, _| prosource::peek(bytes, length),
     },
     Reader {
         format: Format::ZemaxText,
-        sign: Sign::Lines(|lines| lines.first().is_some_and(|first| zemax::text::starts(first, lines.get(1).copied()))),
-        open: |bytes, _, limits| zemax::text::open(bytes, limits),
+        sign: Sign::Lines(|lines| {
+            let mut said = lines.iter().filter(|line| !is_comment(line));
+            said.next().is_some_and(|first| zemax::text::starts(first, said.next().copied()))
+        }),
+        open: zemax::text::open,
         peek: |bytes, length, _| zemax::text::peek(bytes, length),
     },
     Reader {
@@ -106,7 +113,9 @@ const FORMATS: [Reader; 9] = [
 /// [`Error::Malformed`], [`Error::Refused`], [`Error::Unreadable`].
 pub fn open(bytes: Arc<dyn Bytes>, columns: Option<&[Column]>, limits: &Limits) -> Result<RaySet, Error> {
     let reader = detect::detect(&FORMATS, bytes.as_ref())?;
-    (reader.open)(bytes, columns, limits)
+    let set = (reader.open)(bytes, columns, limits)?;
+    // Whoever declares columns declares the unit of their wavelengths too.
+    Ok(if columns.is_none() { wavelengths::in_nm(set) } else { set })
 }
 
 /// Judges a file by its first bytes, `length` being its full length where that is known. `Some` means: so far a file of this
@@ -115,7 +124,7 @@ pub fn open(bytes: Arc<dyn Bytes>, columns: Option<&[Column]>, limits: &Limits) 
 /// # Errors
 /// As [`open`], as soon as the bytes at hand prove it.
 pub fn peek(prefix: &[u8], length: Option<u64>, limits: &Limits) -> Result<Option<Format>, Error> {
-    let start = prefix.get(..prefix.len().min(bytes::LOOK)).unwrap_or_default();
+    let start = prefix.get(..prefix.len().min(detect::MOST)).unwrap_or_default();
     let Some(reader) = detect::detect_start(&FORMATS, start, length)? else { return Ok(None) };
     let bytes = Prefix { bytes: prefix, length: length.unwrap_or(u64::MAX) };
     match (reader.peek)(&bytes, length, limits) {

@@ -1,9 +1,10 @@
 //! TracePro / ProSource text ray files (`pipeline/formats/README.md` 6): lines of words, among them a count and a length factor, then seven
 //! columns. The file does not say whether its flux is W or lm; its total is the sum of the rays.
 
-use super::record::{Bytes, Facts, Format, RaySet, SpectralData, TotalRule};
+use super::record::{Bytes, DEFAULT_UNIT, Facts, Format, RaySet, TotalRule};
+use super::text::column_rules::{tell_equal_shares, under_header};
 use super::text::lines::{Lines, Separator, leading_numbers};
-use super::text::rows::{Grammar, Rows, Slot, ray_columns};
+use super::text::rows::{Grammar, LINE_OF_LIGHT, Rows, Slot, ray_columns, separator, spectral};
 use crate::error::Error;
 use crate::vocabulary::declaration::Column;
 use crate::vocabulary::limits::Limits;
@@ -15,19 +16,27 @@ use std::sync::Arc;
 const GENERATED: &str = "nbrrays generated:";
 /// Words before the number of file units in a metre, in lower case.
 const PER_METRE: &str = "conversion factor from meters";
+/// What is told of a factor of 1.
+const IN_METRES: &str = "The header says that lengths are in m, by a conversion factor of 1. Programs leave this factor at 1 whatever \
+    the unit is: the file may be in mm. Compare the size with the data sheet, and declare length_unit as m or as mm.";
 /// Factors that differ from a unit's by less are that unit, written with few digits.
 const UNIT_TOLERANCE: f64 = 1e-4;
 
-/// Opens a file of this format.
+/// Opens a file of this format, its columns as declared where they are.
 ///
 /// # Errors
 /// As [`super::open`].
-pub fn open(bytes: Arc<dyn Bytes>, limits: &Limits) -> Result<RaySet, Error> {
+pub fn open(bytes: Arc<dyn Bytes>, columns: Option<&[Column]>, limits: &Limits) -> Result<RaySet, Error> {
     let header = Header::read(bytes.as_ref(), limits.max_text_bytes)?;
-    let mut notices = Notices::default();
-    let columns = ray_columns(&[Column::Flux]);
+    let mut notices = header.told;
+    let (columns, luminous) = match columns {
+        Some(columns) => under_header(columns, None)?,
+        None => (ray_columns(&[Column::RadiantFlux]), None),
+    };
+    tell_equal_shares(&columns, &mut notices);
     let slots = Slot::of(&columns, header.length_unit.map_or(1.0, LengthUnit::mm));
-    let grammar = Grammar { separator: Separator::Blank, slots, end: None };
+    let separator = separator(bytes.as_ref(), header.rows_at, LINE_OF_LIGHT.len())?;
+    let grammar = Grammar::new(separator, slots, None);
     let mut rows = Rows::index(bytes, header.rows_at, grammar, limits, &mut notices)?;
     if let Some(announced) = header.ray_count {
         rows.hold_to(announced, &mut notices)?;
@@ -37,11 +46,11 @@ pub fn open(bytes: Arc<dyn Bytes>, limits: &Limits) -> Result<RaySet, Error> {
         ray_count: rows.count(),
         header_flux: Flux::default(),
         total_rule: TotalRule::RaySum,
-        has_radiant: true,
-        has_luminous: false,
-        spectral: SpectralData::None,
+        has_radiant: luminous != Some(true),
+        has_luminous: luminous == Some(true),
+        spectral: spectral(&columns),
         length_unit: header.length_unit,
-        quantity_unknown: true,
+        quantity_unknown: luminous.is_none(),
         texts: header.texts,
         notices,
     };
@@ -62,13 +71,16 @@ struct Header {
     /// Rays in the file, where it says so.
     ray_count: Option<u64>,
     length_unit: Option<LengthUnit>,
+    /// What is odd about them.
+    told: Notices,
     /// Offset of the first row.
     rows_at: u64,
 }
 
 impl Header {
     fn read(bytes: &dyn Bytes, max_bytes: usize) -> Result<Header, Error> {
-        let mut header = Header { texts: Vec::new(), ray_count: None, length_unit: None, rows_at: 0 };
+        let told = Notices::default();
+        let mut header = Header { texts: Vec::new(), ray_count: None, length_unit: None, told, rows_at: 0 };
         let mut lines = Lines::of(bytes);
         while let Some(line) = lines.read_next()? {
             if leading_numbers(line.text) > 0 {
@@ -78,36 +90,42 @@ impl Header {
             if line.at > max_bytes as u64 {
                 break;
             }
-            let (at, text) = (line.at, line.to_text());
-            header.take(text.trim_start_matches(['!', '#', ' '])).map_err(|error| error.at_byte(at))?;
+            header.take(line.to_text().trim_start_matches(['!', '#', ' ']));
         }
         let found = "No row of numbers follows the header: there are no rays.";
         Err(Error::malformed("prosource.no_data", found, "Fetch or export the file again.").at_byte(lines.at()))
     }
 
-    fn take(&mut self, text: &str) -> Result<(), Error> {
+    fn take(&mut self, text: &str) {
         self.texts.push(("header".to_owned(), text.to_owned()));
         let lower = text.to_ascii_lowercase();
         if let Some(count) = number_after(&lower, GENERATED) {
             self.ray_count = count.parse().ok();
+            if self.ray_count.is_none() {
+                self.told.add("prosource.count", format!("The number of rays is \"{count}\", which is no number."));
+            }
         }
-        if let Some(factor) = number_after(&lower, PER_METRE) {
-            let factor = Separator::Blank.number(factor.as_bytes()).unwrap_or(f64::NAN);
-            let near = |unit: &LengthUnit| (factor * unit.mm() / LengthUnit::Metre.mm() - 1.0).abs() < UNIT_TOLERANCE;
-            let unit = LengthUnit::ALL.into_iter().find(near);
-            self.length_unit = Some(unit.ok_or_else(|| {
-                let found = format!("A metre is {factor} of the file's length units; no unit we know has this length.");
-                Error::refused("prosource.unit", found, "Export the file in mm or m.")
-            })?);
+        let Some(stored) = number_after(&lower, PER_METRE) else { return };
+        let factor = Separator::Blank.number(stored.as_bytes()).unwrap_or(f64::NAN);
+        let near = |unit: &LengthUnit| (factor * unit.mm() / LengthUnit::Metre.mm() - 1.0).abs() < UNIT_TOLERANCE;
+        self.length_unit = LengthUnit::ALL.into_iter().find(near);
+        match self.length_unit {
+            None => {
+                let told = format!(
+                    "A metre is \"{stored}\" of the file's length units; no unit we know has this length. It has to be declared."
+                );
+                self.told.add("prosource.unit", told);
+            }
+            Some(LengthUnit::Metre) => self.told.add(DEFAULT_UNIT, IN_METRES),
+            Some(_) => {}
         }
-        Ok(())
     }
 }
 
-/// The word after `key`.
+/// The word after `key`, whole: a comma inside of it is part of it.
 fn number_after<'a>(text: &'a str, key: &str) -> Option<&'a str> {
     let (_, rest) = text.split_once(key)?;
-    rest.split([' ', '\t', ',', ':']).find(|word| !word.is_empty())
+    rest.split([' ', '\t', ':']).map(|word| word.trim_end_matches(',')).find(|word| !word.is_empty())
 }
 
 #[cfg(test)]
@@ -127,7 +145,7 @@ mod tests {
     }
 
     fn opened(text: &str) -> Result<(Facts, Vec<RawRay>), Error> {
-        let set = open(Arc::new(text.as_bytes().to_vec()), &Limits::default())?;
+        let set = open(Arc::new(text.as_bytes().to_vec()), None, &Limits::default())?;
         let mut rays = Vec::new();
         set.records.read(0, set.facts.ray_count as usize, &mut rays)?;
         Ok((set.facts, rays))
@@ -145,7 +163,7 @@ mod tests {
             assert_eq!(rays[0].origin_mm, [mm, 2.0 * mm, 0.5 * mm]);
             assert_eq!((rays[0].direction, rays[0].radiant), ([0.0, 0.0, 1.0], 0.25));
             assert!(facts.quantity_unknown && facts.total_rule == TotalRule::RaySum);
-            assert_eq!(facts.notices, Notices::default());
+            assert_eq!(facts.notices.count_of(DEFAULT_UNIT), u64::from(unit == LengthUnit::Metre));
             assert_eq!(facts.texts.len(), 8);
         }
         assert_eq!(opened(&file("1", "")).unwrap().0.length_unit, None);
@@ -153,15 +171,15 @@ mod tests {
 
     #[test]
     fn counts_and_factors_that_cannot_be() {
-        let cases = [
-            (file("2", ""), "text.row_count"),
-            (file("1", "Conversion Factor From Meters 7.0\n"), "prosource.unit"),
-            (file("1", "Conversion Factor From Meters none\n"), "prosource.unit"),
-            ("# NbrRays Requested: 1\n".to_owned(), "prosource.no_data"),
-        ];
+        let cases = [(file("2", ""), "text.row_count"), ("# NbrRays Requested: 1\n".to_owned(), "prosource.no_data")];
         for (text, code) in cases {
             assert_eq!(opened(&text).unwrap_err().code(), code);
         }
+        for factor in ["7.0", "none", "1,000"] {
+            let (facts, _) = opened(&file("1", &format!("Conversion Factor From Meters {factor}\n"))).unwrap();
+            assert_eq!((facts.length_unit, facts.notices.count_of("prosource.unit")), (None, 1));
+        }
+        assert_eq!(opened(&file("1,000", "")).unwrap().0.notices.count_of("prosource.count"), 1);
         assert_eq!(opened(&file("0", "")).unwrap().0.notices.count_of("text.more_rows"), 1);
     }
 }

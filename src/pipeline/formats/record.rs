@@ -76,6 +76,12 @@ const NAMES: [(Format, &str); 9] = [
 ];
 
 impl Format {
+    /// Rows of text, so that columns can be declared.
+    pub fn is_text(self) -> bool {
+        use Format::{Columns, LightToolsText, ProSourceText, ZemaxText};
+        matches!(self, ZemaxText | LightToolsText | ProSourceText | Columns)
+    }
+
     /// The name people use.
     pub fn name(self) -> &'static str {
         NAMES.iter().find(|(format, _)| *format == self).map_or("", |(_, name)| name)
@@ -125,6 +131,18 @@ pub enum Sign {
     /// The layout of a binary file that has no magic; with its length, where that is known.
     Layout(fn(&[u8], Option<u64>) -> bool),
 }
+
+/// Code of the notice for a spectrum that the file has and that cannot be meant; it has to be declared in its place.
+pub const SPECTRUM_UNREADABLE: &str = "rays.spectrum_unreadable";
+/// Code of the notice for a total that the file has and that cannot be read, where its rays are relative to it.
+pub const TOTAL_UNREADABLE: &str = "rays.total_unreadable";
+/// Code of the notice for a length unit that is what a program writes where nobody chose one.
+pub const DEFAULT_UNIT: &str = "rays.default_unit";
+/// Code of the notice for rays without flux, which have equal shares of a declared one.
+pub const EQUAL_SHARES: &str = "rays.equal_shares";
+/// Sentence of [`EQUAL_SHARES`].
+pub const EQUAL_SHARES_MESSAGE: &str =
+    "No column holds flux, as declared: every ray has an equal share of the declared flux.";
 
 /// Which total is right (`pipeline/formats/README.md` 7).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

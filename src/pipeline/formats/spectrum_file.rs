@@ -5,23 +5,23 @@
 //! |---|---|---|
 //! | two columns (OSRAM .txt, CSV, Zemax .spcd) | nothing else fits | nm, or µm (.spcd) by magnitude |
 //! | LightTools .sre | a line `dfat 1.0`; `continuous` or `discrete`, `radiometric` or `photometric` | nm |
+//! | IES TM-27 (XML) | begins with `<`, and is called so | nm |
 //! | Speos .spectrum 1.0 | first line `OPTIS - Spectrum file v1.0`, then a description and the number of rows | nm |
 //!
 //! Columns are separated by blanks, tabs, semicolons or commas; a comma inside a column is a decimal one. Lines that begin with
 //! `#`, `!`, `%` or `//` are comments; words above the first row are a header, below it they are a fault.
 
+use super::spectrum_xml;
 use crate::error::Error;
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::spectrum::Table;
+use crate::vocabulary::wavelength::{WavelengthUnit, lowest_dark};
 use serde::Serialize;
 
 /// Largest file, bytes: 0.01 nm steps over the visible range stay below it.
 pub const MAX_BYTES: usize = 1 << 20;
-/// Wavelengths of light, nm; those of a file in µm are a thousandth of these, and the ranges do not overlap.
-const LIGHT_NM: (f64, f64) = (100.0, 20_000.0);
-const NM_PER_UM: f64 = 1000.0;
-/// Share of the highest value down to which negative values are a spectrometer's dark noise.
-const DARK_NOISE: f64 = 0.01;
+/// Above this, nm, is no light that anybody sees; wavelengths in Å that are taken for nm are above it.
+const FAR_NM: f64 = 2000.0;
 /// Half the width that a line of a discrete spectrum is given, nm.
 const HALF_LINE_NM: f64 = 0.01;
 
@@ -37,6 +37,9 @@ pub enum SpectrumFormat {
     /// Speos .spectrum 1.0.
     #[serde(rename = "Speos .spectrum")]
     Speos,
+    /// IES TM-27.
+    #[serde(rename = "IES TM-27")]
+    Tm27,
 }
 
 impl SpectrumFormat {
@@ -46,6 +49,7 @@ impl SpectrumFormat {
             SpectrumFormat::Columns => "two columns",
             SpectrumFormat::LightTools => "LightTools .sre",
             SpectrumFormat::Speos => "Speos .spectrum",
+            SpectrumFormat::Tm27 => "IES TM-27",
         }
     }
 }
@@ -80,6 +84,14 @@ pub fn parse(bytes: &[u8]) -> Result<SpectrumFile, Error> {
     }
     refuse_binary(bytes)?;
     let mut reader = Reader::default();
+    let text = String::from_utf8_lossy(bytes);
+    if text.trim_start_matches('\u{feff}').trim_start().starts_with('<') {
+        reader.format = Some(SpectrumFormat::Tm27);
+        for (nm, value, byte) in spectrum_xml::rows(&text)? {
+            reader.row(Row { nm, value, byte })?;
+        }
+        return reader.end();
+    }
     for (byte, line) in lines(bytes) {
         reader.line(byte, line)?;
     }
@@ -115,6 +127,10 @@ struct Reader {
     /// The number of rows that a Speos header announces, and the byte it stands at.
     announced: Option<(usize, u64)>,
     discrete: bool,
+    /// Rows have decimal points; decimal commas.
+    signs: [bool; 2],
+    /// A header says that wavelengths are in Å.
+    angstrom: bool,
     rows: Vec<Row>,
     notices: Notices,
 }
@@ -136,6 +152,10 @@ impl Reader {
         let fields = fields(&line);
         let numbers: Vec<Option<f64>> = fields.iter().map(|field| number(field)).collect();
         let numeric = !numbers.is_empty() && numbers.iter().all(Option::is_some);
+        if numeric {
+            self.signs[0] |= line.contains('.');
+            self.signs[1] |= fields.iter().any(|field| field.contains(','));
+        }
         match numbers.as_slice() {
             [Some(nm), Some(value)] => self.row(Row { nm: *nm, value: *value, byte }),
             [Some(count)] if self.rows.is_empty() => {
@@ -159,7 +179,8 @@ impl Reader {
     }
 
     fn header(&mut self, byte: u64, line: &str) -> Result<(), Error> {
-        let words = line.to_ascii_lowercase();
+        let words = line.to_lowercase();
+        self.angstrom |= words.contains("angstrom") || words.contains(['\u{e5}', '\u{212b}']);
         if self.seen == 1 && words.starts_with("optis - spectrum") {
             if words.contains("v2") {
                 let found = "This is a Speos spectrum of version 2, which is encrypted.";
@@ -194,6 +215,12 @@ impl Reader {
             let remedy = "Fetch the file again if rows are missing, or correct the number.";
             return Err(Error::malformed("spectrum.count", found, remedy).at_byte(byte));
         }
+        if self.signs == [true; 2] {
+            let found =
+                "Some numbers have a decimal point and others a comma: one of the two groups digits, or is damage.";
+            let error = Error::malformed("spectrum.decimal_sign", found, "Write all numbers alike.");
+            return Err(error.at_byte(self.rows.first().map_or(0, |row| row.byte)));
+        }
         self.settle_unit()?;
         self.repair_dark_noise()?;
         self.order()?;
@@ -209,28 +236,33 @@ impl Reader {
         Ok(SpectrumFile { format: self.format.unwrap_or(SpectrumFormat::Columns), table, notices: self.notices })
     }
 
-    /// µm and nm cannot be mistaken for each other: light ends at 20 µm and begins at 100 nm.
+    /// One unit for all wavelengths: as the header says, else by their size.
     fn settle_unit(&mut self) -> Result<(), Error> {
-        let within = |row: &Row, factor: f64| (LIGHT_NM.0..=LIGHT_NM.1).contains(&(row.nm * factor));
-        let micrometres = self.rows.first().is_some_and(|row| within(row, NM_PER_UM));
-        let factor = if micrometres { NM_PER_UM } else { 1.0 };
-        if let Some(stray) = self.rows.iter().find(|row| !within(row, factor)) {
-            let found =
-                format!("The wavelengths are neither all nm (100 to 20000) nor all µm (0.1 to 20); see {}.", stray.nm);
-            let error = Error::malformed("spectrum.wavelength", found, "Write all wavelengths in nm.");
-            return Err(error.at_byte(stray.byte));
+        if self.angstrom {
+            self.rows.iter_mut().for_each(|row| row.nm *= 0.1);
+            self.notices
+                .add("spectrum.angstrom", "The wavelengths are in Å, as the header says; they were read as such.");
         }
-        if micrometres {
-            self.rows.iter_mut().for_each(|row| row.nm *= NM_PER_UM);
+        let unit = WavelengthUnit::of(self.rows.iter().map(|row| row.nm)).map_err(|stray| {
+            let found =
+                format!("The wavelengths are neither all nm (100 to 20000) nor all µm (0.1 to 20); see {stray}.");
+            let byte = self.rows.iter().find(|row| row.nm == stray).map_or(0, |row| row.byte);
+            Error::malformed("spectrum.wavelength", found, "Write all wavelengths in nm.").at_byte(byte)
+        })?;
+        if unit == WavelengthUnit::Micrometre {
+            self.rows.iter_mut().for_each(|row| row.nm *= unit.nm());
             self.notices
                 .add("spectrum.micrometres", "The wavelengths are in µm by their size; they were read as such.");
+        } else if self.rows.iter().all(|row| row.nm > FAR_NM) {
+            let told = "All wavelengths are above 2000 nm, which nobody sees. If they are in Å, divide them by 10.";
+            self.notices.add("spectrum.far_infrared", told);
         }
         Ok(())
     }
 
     fn repair_dark_noise(&mut self) -> Result<(), Error> {
         let most = self.rows.iter().fold(0.0, |most: f64, row| most.max(row.value));
-        if let Some(row) = self.rows.iter().find(|row| row.value < -DARK_NOISE * most) {
+        if let Some(row) = self.rows.iter().find(|row| row.value < lowest_dark(most)) {
             let found = format!("The value {} is negative, and by more than 1 % of the highest, {most}.", row.value);
             let remedy = "Subtract the right dark spectrum, or correct the row.";
             return Err(Error::refused("spectrum.negative", found, remedy).at_byte(row.byte));
@@ -361,6 +393,18 @@ mod tests {
         assert_eq!(fault(b"400 1\n0.41 1\n"), ("spectrum.wavelength", Some(6)));
         assert_eq!(fault(b"50 1\n60 1\n"), ("spectrum.wavelength", Some(0)));
         assert_eq!(fault(b"-400 1\n"), ("spectrum.wavelength", Some(0)));
+    }
+
+    #[test]
+    fn angstroms_and_tm27_are_read_and_decimal_signs_not_mixed() {
+        assert_eq!(points("Wavelength (Angstrom) value\n4000 0.5\n4100 1\n"), [(400.0, 0.5), (410.0, 1.0)]);
+        assert_eq!(parse(b"4000 0.5\n4100 1\n").unwrap().notices.count_of("spectrum.far_infrared"), 1);
+        assert_eq!(fault(b"400;0.5\n410;1,234\n"), ("spectrum.decimal_sign", Some(0)));
+        assert_eq!(
+            points("<IESTM2714><SpectralData wavelength=\"400\">0.5</SpectralData></IESTM2714>"),
+            [(400.0, 0.5)]
+        );
+        assert_eq!(fault(b"<IESTM2714></IESTM2714>").0, "spectrum.no_rows");
     }
 
     #[test]

@@ -4,13 +4,19 @@ use super::findings::Inspection;
 use super::findings::{Check, Verdict};
 use super::origins::Origins;
 use crate::error::Fault;
+use crate::formats::record::{DEFAULT_UNIT, EQUAL_SHARES, SPECTRUM_UNREADABLE, TOTAL_UNREADABLE};
 use crate::formats::record::{Facts, SpectralData, TotalRule};
+use crate::formats::text::rows::{MORE_ROWS, too_many_more};
+use crate::rays::check::Flaw;
 use crate::rays::conversion::header_lm_per_w;
 use crate::rays::totals::{EFFICACY_NOTICED, LIKELY_SIZE_MM, RATIO_NOTICED};
 use glam::DVec3;
 
 /// Visible light, nm: spectra with nothing inside give no lumens.
 const VISIBLE_NM: (f64, f64) = (380.0, 780.0);
+/// Far infrared, nm: where visible wavelengths in Å are when they are taken for nm.
+const FAR_NM: f64 = 2000.0;
+const ANGSTROM_PER_NM: f64 = 10.0;
 /// Wavelengths outside are no light source anybody sells rays of, nm: another column was read, or another unit.
 const LIKELY_NM: (f64, f64) = (100.0, 20_000.0);
 /// `rays.ray_flux` is a notice when one ray carries more than this share of the flux: it would show as a spot.
@@ -52,9 +58,9 @@ fn wrong(check: &'static str, message: impl Into<String>, remedy: &str) -> Check
 
 /// All checks of a file, in reading order. `fault`: why a job would refuse it.
 pub fn checks(facts: &Facts, found: &Inspection, fault: Option<&Fault>) -> Vec<Check> {
-    let mut checks = vec![rays(found, fault), length_unit(facts), quantity(facts)];
+    let mut checks = vec![rays(facts, found, fault), length_unit(facts), quantity(facts)];
     if found.rays_used > 0 {
-        checks.extend([size(found), total(facts, found), spectrum(facts, found)]);
+        checks.extend([size(facts, found), total(facts, found), spectrum(facts, found)]);
         checks.extend(efficacy(facts, found));
         checks.extend([directions(found), order(found), ray_flux(found), noise(found), focus(found)]);
         checks.extend([origins(found), backward(found), job(found)]);
@@ -62,9 +68,17 @@ pub fn checks(facts: &Facts, found: &Inspection, fault: Option<&Fault>) -> Vec<C
     checks
 }
 
-fn rays(found: &Inspection, fault: Option<&Fault>) -> Check {
+fn rays(facts: &Facts, found: &Inspection, fault: Option<&Fault>) -> Check {
     const NAME: &str = "rays.usable";
     let (used, refused, dropped) = (found.rays_used, found.rays_refused, found.rays_dropped);
+    let unread = facts.notices.count_of(MORE_ROWS);
+    if fault.is_none() && too_many_more(unread, facts.ray_count) {
+        let told = format!(
+            "The header announces {} rays, and {unread} more rows follow, which are not read.",
+            facts.ray_count
+        );
+        return wrong(NAME, told, "Correct the number of rays in the header, or export the file again.");
+    }
     match fault {
         Some(fault) => wrong(NAME, &fault.found, &fault.remedy),
         None if refused + dropped > 0 => notice(
@@ -80,6 +94,11 @@ fn rays(found: &Inspection, fault: Option<&Fault>) -> Check {
 fn length_unit(facts: &Facts) -> Check {
     const NAME: &str = "rays.length_unit";
     match facts.length_unit {
+        Some(unit) if facts.notices.count_of(DEFAULT_UNIT) > 0 => notice(
+            NAME,
+            format!("Lengths are in {}, by a factor that programs leave as it is whatever the unit.", unit.symbol()),
+            "Compare the size with the data sheet; declare length_unit as m or as mm.",
+        ),
         Some(unit) => ok(NAME, format!("Lengths are in {}.", unit.symbol())),
         None => wrong(
             NAME,
@@ -105,12 +124,17 @@ fn quantity(facts: &Facts) -> Check {
     )
 }
 
-fn size(found: &Inspection) -> Check {
+fn size(facts: &Facts, found: &Inspection) -> Check {
     const NAME: &str = "rays.size";
     let Some(extent) = found.origins_mm else { return ok(NAME, "There are no origins.") };
     let [x, y, z] = std::array::from_fn(|k| extent.max[k] - extent.min[k]);
     let largest = x.max(y).max(z);
     let told = format!("The origins span {x:.4} x {y:.4} x {z:.4} mm.");
+    if facts.notices.count_of(DEFAULT_UNIT) > 0 {
+        let [x, y, z] = [x, y, z].map(|span| span / 1000.0);
+        let told = format!("{told} If the file is in mm and not in m, they span {x:.4} x {y:.4} x {z:.4} mm.");
+        return notice(NAME, told, "Compare the size with the data sheet; declare length_unit as m or as mm.");
+    }
     if largest > LIKELY_SIZE_MM.1 || (largest > 0.0 && largest < LIKELY_SIZE_MM.0) {
         return notice(
             NAME,
@@ -124,6 +148,13 @@ fn size(found: &Inspection) -> Check {
 fn total(facts: &Facts, found: &Inspection) -> Check {
     const NAME: &str = "rays.total";
     let primary = format!("{:.6} {}", found.flux.primary(), found.flux.primary_unit());
+    if facts.notices.count_of(TOTAL_UNREADABLE) > 0 {
+        let told = format!("The header's total cannot be read, and rays are relative to it; their sum is {primary}.");
+        return wrong(NAME, told, "Declare flux for it, or correct the number in its header.");
+    }
+    if facts.notices.count_of(EQUAL_SHARES) > 0 && facts.quantity_unknown {
+        return wrong(NAME, "No column holds flux, as declared.", "Declare flux for it: every ray has an equal share.");
+    }
     let Some(ratio) = found.sum_over_header else {
         return ok(NAME, format!("The total is {primary}; there is no other to compare it with."));
     };
@@ -147,24 +178,26 @@ fn total(facts: &Facts, found: &Inspection) -> Check {
 
 fn spectrum(facts: &Facts, found: &Inspection) -> Check {
     const NAME: &str = "rays.spectrum";
+    if facts.notices.count_of(SPECTRUM_UNREADABLE) > 0 {
+        let told = "The spectrum of the file cannot be meant; the notices say why.";
+        return wrong(NAME, told, "Declare the spectrum of its light, or export the file again.");
+    }
     if let Some((low, high)) = found.wavelength_nm {
         let told = format!("A wavelength per ray, {low:.1} to {high:.1} nm.");
-        if high < LIKELY_NM.0 || low > LIKELY_NM.1 {
-            return wrong(NAME, told, "Columns are swapped or wavelengths are in another unit: export the file again.");
+        let strays =
+            found.notices.iter().find(|notice| notice.code == Flaw::NotLight.code()).map_or(0, |notice| notice.count);
+        if strays > 0 {
+            let told =
+                format!("{told} {strays} rays more have wavelengths that are no light's in nm: units are mixed.");
+            return wrong(NAME, told, "Export the file again with all wavelengths in one unit.");
         }
-        if high < VISIBLE_NM.0 || low > VISIBLE_NM.1 {
-            return notice(
-                NAME,
-                told,
-                "Nothing of it is visible: expect no lumens, or export the file again if you do.",
-            );
-        }
-        return ok(NAME, told);
+        return range(NAME, told, low, high);
     }
     match (&facts.spectral, found.header.table_range_nm) {
         (SpectralData::Tristimulus, _) => ok(NAME, "Tristimulus values per ray."),
         (_, Some((low, high))) => {
-            ok(NAME, format!("{} in tables, {low:.1} to {high:.1} nm.", plural(facts.spectral.tables().len())))
+            let told = format!("{} in tables, {low:.1} to {high:.1} nm.", plural(facts.spectral.tables().len()));
+            range(NAME, told, low, high)
         }
         _ => notice(
             NAME,
@@ -172,6 +205,26 @@ fn spectrum(facts: &Facts, found: &Inspection) -> Check {
             "Declare the spectrum of its light if you need W and lm, or colour.",
         ),
     }
+}
+
+/// Light from `low` to `high` nm, in tables or in rays.
+fn range(name: &'static str, told: String, low: f64, high: f64) -> Check {
+    if high < LIKELY_NM.0 || low > LIKELY_NM.1 {
+        return wrong(name, told, "Columns are swapped or wavelengths are in another unit: export the file again.");
+    }
+    if low > FAR_NM && low < ANGSTROM_PER_NM * VISIBLE_NM.1 && high > ANGSTROM_PER_NM * VISIBLE_NM.0 {
+        let told =
+            format!("{told} Nothing of it is visible; in \u{c5} it were {:.1} to {:.1} nm.", low / 10.0, high / 10.0);
+        return notice(
+            name,
+            told,
+            "If wavelengths are in \u{c5}, declare the spectrum of its light, or export the file again.",
+        );
+    }
+    if high < VISIBLE_NM.0 || low > VISIBLE_NM.1 {
+        return notice(name, told, "Nothing of it is visible: expect no lumens, or export the file again if you do.");
+    }
+    ok(name, told)
 }
 
 fn plural(tables: usize) -> String {

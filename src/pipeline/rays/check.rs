@@ -3,6 +3,7 @@
 use super::conversion::Conversion;
 use crate::formats::proof::LENGTH_TOLERANCE;
 use crate::formats::record::{Facts, RawRay, SpectralData};
+use crate::vocabulary::wavelength::is_of_another_unit;
 use glam::DVec3;
 
 /// Errors of length above this are told: text with 6 decimals stays below it.
@@ -30,6 +31,8 @@ pub enum Flaw {
     NoFlux,
     /// Not a positive wavelength.
     Wavelength,
+    /// A wavelength that is light only in another unit than those of the other rays.
+    NotLight,
     /// No such spectral table.
     TableIndex,
     /// Lumens from a spectrum that has none: its W cannot be known.
@@ -45,6 +48,7 @@ impl Flaw {
             Flaw::NegativeFlux => "rays.flux_negative",
             Flaw::NoFlux => "rays.flux_zero",
             Flaw::Wavelength => "rays.wavelength",
+            Flaw::NotLight => "rays.not_light",
             Flaw::TableIndex => "rays.table_index",
             Flaw::InvisibleLumens => "rays.invisible_lumens",
         }
@@ -58,6 +62,9 @@ impl Flaw {
             Flaw::NegativeFlux => "The flux is negative; the ray was refused.",
             Flaw::NoFlux => "The flux is 0; the ray was dropped.",
             Flaw::Wavelength => "The wavelength is not a positive number; the ray was refused.",
+            Flaw::NotLight => {
+                "The wavelength is light only in another unit than nm, as which those of the rays were read; the ray was refused."
+            }
             Flaw::TableIndex => "The ray names a spectral table the file does not have; it was refused.",
             Flaw::InvisibleLumens => "The ray has lumens at a wavelength nobody can see; it was refused.",
         }
@@ -113,6 +120,7 @@ pub fn check(facts: &Facts, conversion: &Conversion, raw: &RawRay) -> Result<Che
         SpectralData::Wavelength if !(raw.wavelength_nm > 0.0 && raw.wavelength_nm.is_finite()) => {
             return Err(Flaw::Wavelength);
         }
+        SpectralData::Wavelength if is_of_another_unit(raw.wavelength_nm) => return Err(Flaw::NotLight),
         SpectralData::Tables(tables) if raw.table as usize >= tables.len() => return Err(Flaw::TableIndex),
         _ => {}
     }

@@ -4,7 +4,8 @@
 use super::conversion::Conversion;
 use crate::error::Error;
 use crate::formats;
-use crate::formats::record::{Bytes, Facts, Format, RawRay, RaySet, Records, SpectralData};
+use crate::formats::record::{Bytes, Facts, RawRay, RaySet, Records, SpectralData};
+use crate::formats::record::{DEFAULT_UNIT, SPECTRUM_UNREADABLE, TOTAL_UNREADABLE};
 use crate::vocabulary::declaration::Declared;
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::spectrum::Table;
@@ -48,7 +49,7 @@ pub struct Correction {
 /// declared of a file that carries both, `rays.flux_impossible`.
 pub fn apply_declaration(facts: &mut Facts, declared: &Declared) -> Result<Correction, Error> {
     declared.validate()?;
-    if declared.columns.is_some() && facts.format != Format::Columns {
+    if declared.columns.is_some() && !facts.format.is_text() {
         let found = format!(
             "Columns are declared of a file in {}, which says itself where its numbers stand.",
             facts.format.name()
@@ -56,12 +57,18 @@ pub fn apply_declaration(facts: &mut Facts, declared: &Declared) -> Result<Corre
         let refused = Error::refused("rays.columns_not_text", found, "Leave the columns out.");
         return Err(refused.at_channel(0, "columns"));
     }
+    if declared.length_unit.is_some() {
+        facts.notices.take_out(DEFAULT_UNIT);
+    }
     let scale = apply_unit(facts, declared.length_unit);
     let mut moved = apply_quantity(facts, declared.quantity)?;
     if let Some(table) = &declared.spectrum {
         apply_spectrum(facts, table);
     }
     if let Some(flux) = declared.flux {
+        if let Some(unread) = facts.notices.take_out(TOTAL_UNREADABLE) {
+            facts.notices.add("rays.total_replaced", format!("{} As declared, another was used.", unread.message));
+        }
         moved ^= apply_for_flux(facts, flux.quantity(), declared.quantity.is_none());
     }
     Ok(Correction { scale, moved })
@@ -107,7 +114,9 @@ fn apply_quantity(facts: &mut Facts, declared: Option<Quantity>) -> Result<bool,
 /// The declared table holds, and its lm/W: the header's, and the lm of rays that have W too, came from a spectrum that no longer
 /// does.
 fn apply_spectrum(facts: &mut Facts, table: &Table) {
-    if facts.spectral != SpectralData::None {
+    if let Some(unread) = facts.notices.take_out(SPECTRUM_UNREADABLE) {
+        facts.notices.add("rays.spectrum_replaced", format!("{} As declared, another was used.", unread.message));
+    } else if facts.spectral != SpectralData::None {
         let told = "The file has a spectrum of its own; as declared, another was used in its place.";
         facts.notices.add("rays.spectrum_replaced", told);
     }

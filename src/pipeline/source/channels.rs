@@ -2,13 +2,15 @@
 //! quantity is common to all, fluxes and shares can be meant.
 
 use crate::error::{Error, Place};
+use crate::formats::record::{EQUAL_SHARES, EQUAL_SHARES_MESSAGE, SPECTRUM_UNREADABLE, TOTAL_UNREADABLE};
 use crate::formats::record::{Facts, Format, SpectralData, TotalRule};
-use crate::formats::text::columns;
+use crate::formats::text::column_rules;
 use crate::rays::bands::Reach;
 use crate::rays::conversion::Conversion;
 use crate::rays::declared::apply_declaration;
 use crate::vocabulary::declaration::{Column, Declared, Total};
 use crate::vocabulary::notice::Notices;
+use crate::vocabulary::space::Bounds;
 use crate::vocabulary::spectrum::Table;
 use crate::vocabulary::units::{Flux, LengthUnit};
 use serde::Deserialize;
@@ -70,6 +72,7 @@ pub fn judge(candidates: &[Candidate<'_>]) -> Result<Known, Error> {
             let remedy = "Declare its length unit: mm, um, nm, cm, m, in or ft.";
             return Err(Error::refused("rays.unit_unknown", found, remedy).at_channel(index, "length_unit"));
         }
+        judge_unread(index, name, facts, declared)?;
         if facts.quantity_unknown {
             let found = format!("The file of channel {name:?} does not say whether its flux is in W or in lm.");
             let remedy = "Declare its quantity, radiant (W) or luminous (lm), or its flux.";
@@ -88,6 +91,28 @@ pub fn judge(candidates: &[Candidate<'_>]) -> Result<Known, Error> {
     common(candidates)
 }
 
+/// What the file says of its spectrum or its total and cannot mean is declared in its place.
+fn judge_unread(index: usize, name: &str, facts: &Facts, declared: &Declared) -> Result<(), Error> {
+    let said =
+        |code: &str| facts.notices.iter().find(|notice| notice.code == code).map(|notice| notice.message.as_str());
+    if let Some(said) = said(SPECTRUM_UNREADABLE) {
+        let found = format!("The spectrum in the file of channel {name:?} cannot be meant. {said}");
+        let remedy = "Declare the spectrum of its light, or export the file again.";
+        return Err(Error::refused(SPECTRUM_UNREADABLE, found, remedy).at_channel(index, "spectrum"));
+    }
+    if let Some(said) = said(TOTAL_UNREADABLE) {
+        let found = format!("The total in the file of channel {name:?} cannot be read. {said}");
+        let remedy = "Declare its flux, or correct the number in its header.";
+        return Err(Error::refused(TOTAL_UNREADABLE, found, remedy).at_channel(index, "flux"));
+    }
+    if said(EQUAL_SHARES).is_some() && declared.flux.is_none() {
+        let found = format!("The columns of channel {name:?} were declared without a flux.");
+        let remedy = "Declare its flux: every ray then has an equal share of it. Or declare the column of the flux.";
+        return Err(Error::refused("rays.flux_missing", found, remedy).at_channel(index, "flux"));
+    }
+    Ok(())
+}
+
 /// What all of `candidates` know.
 fn common(candidates: &[Candidate<'_>]) -> Result<Known, Error> {
     let known: Vec<Known> = candidates.iter().map(|candidate| Known::of(candidate.facts)).collect();
@@ -103,6 +128,45 @@ fn common(candidates: &[Candidate<'_>]) -> Result<Known, Error> {
     );
     let remedy = "Declare the spectrum of every channel in lm (or of every one in W).";
     Err(Error::refused("rays.no_common_quantity", found, remedy).at_channel(lumens, "spectrum"))
+}
+
+/// Factors between units of length that people mix up, and what they are.
+const UNIT_FACTORS: [(f64, &str); 5] = [
+    (10.0, "mm and cm"),
+    (25.4, "mm and in"),
+    (100.0, "cm and m"),
+    (304.8, "mm and ft"),
+    (1000.0, "mm and m, or um and mm"),
+];
+/// How near the ratio of two sizes comes to such a factor.
+const FACTOR_TOLERANCE: f64 = 0.02;
+
+/// Tells of channels that can hardly belong together: sizes that differ by a unit's factor, places far from each other. Each is a
+/// channel's name and the box of its origins.
+pub fn tell_unlike(boxes: &[(&str, Bounds)], notices: &mut Notices) {
+    let pairs = boxes.iter().enumerate().flat_map(|(k, a)| boxes.iter().skip(k + 1).map(move |b| (a, b)));
+    for ((name, a), (other, b)) in pairs {
+        let [one, two] = [a, b].map(|bounds| bounds.size().max_element());
+        let (small, large) = (one.min(two), one.max(two));
+        let near = |(factor, _): &&(f64, &str)| (large / small / factor - 1.0).abs() < FACTOR_TOLERANCE;
+        if small > 0.0
+            && let Some((factor, units)) = UNIT_FACTORS.iter().find(near)
+        {
+            let told = format!(
+                "The origins of channels {name:?} and {other:?} span {small:.4} and {large:.4} mm, {factor} times as much: the \
+                 length unit of one may be wrong ({units})."
+            );
+            notices.add("rays.channel_sizes", told);
+        }
+        let gap = (a.min.max(b.min) - a.max.min(b.max)).max_element();
+        if large > 0.0 && gap > large && gap.is_finite() {
+            let told = format!(
+                "The origins of channels {name:?} and {other:?} are {gap:.4} mm apart, and span {large:.4} mm at most: they may not \
+                 be in one frame, or not of one source."
+            );
+            notices.add("rays.channel_places", told);
+        }
+    }
 }
 
 /// The flux each channel is declared to have, shares resolved.
@@ -189,9 +253,19 @@ pub struct Claims {
     /// Wavelengths of its tables, nm.
     #[serde(default)]
     pub table_range_nm: Option<(f64, f64)>,
+    /// What was odd about it.
+    #[serde(default)]
+    notices: Vec<Said>,
     /// Wavelengths that were found in its rays, nm; no header has them.
     #[serde(skip)]
     pub wavelength_nm: Option<(f64, f64)>,
+}
+
+/// A notice of a header.
+#[derive(Clone, Debug, Deserialize)]
+struct Said {
+    code: String,
+    message: String,
 }
 
 fn some_unit() -> Option<String> {
@@ -203,7 +277,7 @@ impl Claims {
     pub fn by_ray(&self, declared: &Declared) -> bool {
         let has =
             |columns: &Vec<Column>| columns.contains(&Column::WavelengthNm) || columns.contains(&Column::WavelengthUm);
-        let columns = declared.columns.as_ref().filter(|_| self.format == Format::Columns);
+        let columns = declared.columns.as_ref().filter(|_| self.format.is_text());
         let in_rays = columns.map_or(self.spectrum == SpectralData::Wavelength.name(), has);
         in_rays && declared.spectrum.is_none()
     }
@@ -244,7 +318,12 @@ impl Claims {
             texts: Vec::new(),
             notices: Notices::default(),
         };
-        if let Some(columns) = declared.columns.as_ref().filter(|_| self.format == Format::Columns) {
+        for code in [SPECTRUM_UNREADABLE, TOTAL_UNREADABLE] {
+            if let Some(said) = self.notices.iter().find(|said| said.code == code) {
+                facts.notices.add(code, said.message.clone());
+            }
+        }
+        if let Some(columns) = declared.columns.as_ref().filter(|_| self.format.is_text()) {
             in_columns(&mut facts, columns)?;
         }
         apply_declaration(&mut facts, declared)?;
@@ -254,12 +333,20 @@ impl Claims {
 
 /// What declared columns say of the flux and the spectrum; names in the file, and the unit in them, hold no more.
 fn in_columns(facts: &mut Facts, columns: &[Column]) -> Result<(), Error> {
-    columns::judge(columns)?;
-    facts.length_unit = None;
+    column_rules::judge(columns, true)?;
     let has = |column: Column| columns.contains(&column);
-    facts.has_luminous = has(Column::LuminousFlux);
-    facts.has_radiant = has(Column::RadiantFlux) || !facts.has_luminous;
-    facts.quantity_unknown = !has(Column::RadiantFlux) && !facts.has_luminous;
+    let in_header = facts.format != Format::Columns && has(Column::Flux);
+    if facts.format == Format::Columns {
+        facts.length_unit = None;
+    }
+    if !in_header {
+        facts.has_luminous = has(Column::LuminousFlux);
+        facts.has_radiant = has(Column::RadiantFlux) || !facts.has_luminous;
+        facts.quantity_unknown = !has(Column::RadiantFlux) && !facts.has_luminous;
+    }
+    if !(has(Column::Flux) || has(Column::RadiantFlux) || has(Column::LuminousFlux)) {
+        facts.notices.add(EQUAL_SHARES, EQUAL_SHARES_MESSAGE);
+    }
     facts.spectral = match has(Column::WavelengthNm) || has(Column::WavelengthUm) {
         true => SpectralData::Wavelength,
         false => SpectralData::None,

@@ -280,6 +280,8 @@ impl Source {
             channels.push(channel);
             first_index = end;
         }
+        let boxes: Vec<_> = channels.iter().map(|channel| (channel.name.as_str(), channel.survey.bounds_mm)).collect();
+        channels::tell_unlike(&boxes, &mut notices);
         let mut whole = Survey::empty();
         channels.iter().for_each(|channel| whole.merge(&channel.survey));
         if notices.count_of(totals::UNLIKELY_SIZE) == 0 {

@@ -15,7 +15,7 @@ pub struct Declared {
     pub length_unit: Option<LengthUnit>,
     /// What its flux values are, in place of the file's word.
     pub quantity: Option<Quantity>,
-    /// What stands in each column; for text in columns only.
+    /// What stands in each column; for text only, in place of what its header says of its rows.
     pub columns: Option<Vec<Column>>,
     /// The spectrum of its light, in place of the file's.
     pub spectrum: Option<Table>,

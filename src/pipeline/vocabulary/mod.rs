@@ -6,6 +6,8 @@ pub mod units;
 pub mod space;
 /// Wavelengths: bands, tables, the CIE observer, display colour.
 pub mod spectrum;
+/// One rule for wavelengths: which unit they are in, what is light.
+pub mod wavelength;
 /// The CIE 1931 2° observer, tabulated.
 mod cie_1931;
 /// What a caller allows an input to ask of this machine.

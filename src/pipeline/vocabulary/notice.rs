@@ -47,6 +47,13 @@ impl Notices {
         self.take(None, Notice { code, channel: None, count, first_ray, message: message.into() });
     }
 
+    /// Takes every notice of this code out; the first, where there was one.
+    pub fn take_out(&mut self, code: &str) -> Option<Notice> {
+        let first = self.iter().find(|notice| notice.code == code).cloned();
+        self.0.retain(|(other, _), _| other != code);
+        first
+    }
+
     /// Adds all of `other`.
     pub fn merge(&mut self, other: &Notices) {
         for ((_, channel), notice) in &other.0 {

@@ -104,6 +104,33 @@ impl Quantity {
         }
     }
 
+    /// What a unit of flux is one of, and how many W or lm it is: `mW`, `klm`, `microwatts`. A capital M alone is mega by the SI
+    /// and milli where people write in capitals, so it is no unit here.
+    pub fn from_unit(unit: &str) -> Option<(Quantity, f64)> {
+        let names = [
+            (Quantity::Radiant, ["watts", "watt", "Watts", "Watt", "WATTS", "WATT", "W", "w"].as_slice()),
+            (
+                Quantity::Luminous,
+                ["lumens", "lumen", "Lumens", "Lumen", "LUMENS", "LUMEN", "lm", "Lm", "LM"].as_slice(),
+            ),
+        ];
+        names.into_iter().find_map(|(quantity, names)| {
+            let prefix = names.iter().find_map(|name| unit.strip_suffix(name))?;
+            let lower = prefix.trim_end_matches([' ', '-']).to_lowercase();
+            let scale = match (prefix, lower.as_str()) {
+                (_, "") => 1.0,
+                ("p", _) | (_, "pico") => 1e-12,
+                ("n", _) | (_, "nano") => 1e-9,
+                ("u" | "\u{b5}" | "\u{3bc}", _) | (_, "micro") => 1e-6,
+                ("m", _) | (_, "milli") => 1e-3,
+                ("k" | "K", _) | (_, "kilo") => 1e3,
+                (_, "mega") => 1e6,
+                _ => return None,
+            };
+            Some((quantity, scale))
+        })
+    }
+
     /// The other one.
     pub fn other(self) -> Quantity {
         match self {
@@ -148,5 +175,30 @@ impl Flux {
     /// Unit of [`Flux::primary`].
     pub fn primary_unit(&self) -> &'static str {
         if self.radiant_w.is_some() { "W" } else { "lm" }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn prefixes_of_flux_units() {
+        for (unit, quantity, scale) in [
+            ("W", Quantity::Radiant, 1.0),
+            ("mW", Quantity::Radiant, 1e-3),
+            ("uW", Quantity::Radiant, 1e-6),
+            ("\u{b5}W", Quantity::Radiant, 1e-6),
+            ("kW", Quantity::Radiant, 1e3),
+            ("milliwatts", Quantity::Radiant, 1e-3),
+            ("klm", Quantity::Luminous, 1e3),
+            ("mlm", Quantity::Luminous, 1e-3),
+            ("Lumens", Quantity::Luminous, 1.0),
+        ] {
+            assert_eq!(Quantity::from_unit(unit), Some((quantity, scale)), "{unit}");
+        }
+        for unit in ["MW", "Mlm", "cd", "W/m2", "", "mm", "lm/W", "xW"] {
+            assert_eq!(Quantity::from_unit(unit), None, "{unit}");
+        }
     }
 }

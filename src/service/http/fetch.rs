@@ -37,7 +37,7 @@ pub struct IngestRequest {
     /// Whether the flux values in the file are radiant (W) or luminous (lm); overrides what the file says.
     #[serde(default)]
     quantity: Option<QuantityName>,
-    /// The meaning of each column, for files that are text in columns only; names as in a channel.
+    /// The meaning of each column, for text files only; names as in a channel.
     #[serde(default)]
     columns: Option<Vec<String>>,
     /// The client's own metadata, which every ray set that is made of the file gets.

@@ -32,7 +32,7 @@ pub struct Spectrum {
     name: String,
     /// SHA-256 of the file, lower-case hex.
     sha256: String,
-    /// Format of the file: two columns, LightTools .sre, Speos .spectrum.
+    /// Format of the file: two columns, LightTools .sre, Speos .spectrum, IES TM-27.
     format: String,
     /// Number of points in the table.
     points: u64,
@@ -91,7 +91,7 @@ impl From<spectra::Spectrum> for Spectrum {
 /// Uploads a spectrum file
 ///
 /// The body is the file: text of two columns (wavelength in nm or µm, spectral density) under any header, LightTools .sre, Zemax
-/// .spcd or Speos .spectrum 1.0. A job names the spectrum as that of a channel.
+/// .spcd, Speos .spectrum 1.0 or IES TM-27. A job names the spectrum as that of a channel.
 #[utoipa::path(
     post, path = "/v1/spectra", tag = "spectra", operation_id = "upload_spectrum",
     params(

@@ -37,7 +37,7 @@ pub struct UploadQuery {
     length_unit: Option<LengthUnit>,
     /// Whether the flux values in the file are radiant (W) or luminous (lm); overrides what the file says.
     quantity: Option<QuantityName>,
-    /// The meaning of each column, separated by commas, for files that are text in columns only: x, y, z, l, m, n, flux,
+    /// The meaning of each column, separated by commas, for text files only: x, y, z, l, m, n, flux,
     /// radiant_flux, luminous_flux, wavelength_nm, wavelength_um, tristimulus_x, tristimulus_z, ignored.
     #[param(example = "x,y,z,l,m,n,flux")]
     columns: Option<String>,

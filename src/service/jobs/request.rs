@@ -67,7 +67,7 @@ pub struct Channel {
     /// Whether the flux values are radiant (W) or luminous (lm).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quantity: Option<QuantityName>,
-    /// The meaning of each column, for files that are text in columns only: x, y, z, l, m, n, flux, radiant_flux, luminous_flux,
+    /// The meaning of each column, for text files only: x, y, z, l, m, n, flux, radiant_flux, luminous_flux,
     /// wavelength_nm, wavelength_um, tristimulus_x, tristimulus_z, ignored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(max_items = 64, example = json!(["x", "y", "z", "l", "m", "n", "flux"]))]

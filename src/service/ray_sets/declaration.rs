@@ -14,7 +14,7 @@ pub struct FileDeclaration {
     /// Whether the flux values are radiant (W) or luminous (lm).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quantity: Option<QuantityName>,
-    /// The meaning of each column, for files that are text in columns only; names as in a channel.
+    /// The meaning of each column, for text files only; names as in a channel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(max_items = 64, example = json!(["x", "y", "z", "l", "m", "n", "flux"]))]
     pub columns: Option<Vec<String>>,

@@ -30,7 +30,7 @@ pub fn open(bytes: Arc<dyn Bytes>, limits: &Limits) -> Result<RaySet, Error> {
     let ray_count = header.ray_count(bytes.as_ref(), &mut notices)?;
     proof::count(ray_count, limits)?;
     let facts = header.facts(ray_count, notices);
-    let Header { color, luminous, .. } = header;
+    let (color, luminous) = (header.color, header.luminous == Some(true));
     let mm = header.unit.map_or(1.0, LengthUnit::mm);
     let ray = move |record: &Words| color.ray(record, luminous, mm);
     Ok(RaySet { facts, records: Box::new(Floats { bytes, start: HEADER, words: color.words(), ray }) })
@@ -86,10 +86,13 @@ impl Color {
 /// The header, every field in its range.
 struct Header {
     minor: u32,
-    luminous: bool,
+    /// Flux is in lm; `None` where the data type does not exist.
+    luminous: Option<bool>,
     color: Color,
-    /// `None` for "system": the unit of a model we do not have.
+    /// `None` for "system", the unit of a model we do not have, and for a code that does not exist.
     unit: Option<LengthUnit>,
+    /// Codes that do not exist, and what has to be declared for them.
+    told: Notices,
     origin: [f32; 3],
     total: f32,
 }
@@ -103,15 +106,21 @@ impl Header {
     fn read(block: &[u8]) -> Result<Header, Error> {
         let field = |at| u32_in(block, at);
         version(field(4))?;
+        let mut notices = Notices::default();
         let luminous = match field(12) {
-            0 => false,
-            1 => true,
-            other => return Err(wrong("lighttools.data_type", "data type", other, "0 (W) and 1 (lm)", 12)),
+            0 => Some(false),
+            1 => Some(true),
+            other => {
+                let told =
+                    format!("The data type is {other}; only 0 (W) and 1 (lm) exist. The quantity has to be declared.");
+                notices.add("lighttools.data_type", told);
+                None
+            }
         };
         near_field(field(16))?;
         let color = match field(20) {
             0 => Color::None,
-            1 if luminous => Color::Tristimulus,
+            1 if luminous != Some(false) => Color::Tristimulus,
             1 => return Err(tristimulus_in_w(12)),
             2 => Color::Wavelength,
             other => {
@@ -130,11 +139,14 @@ impl Header {
             7 => Some(LengthUnit::Nanometre),
             other => {
                 let known = "0 to 7 (system, mm, cm, m, in, ft, um, nm)";
-                return Err(wrong("lighttools.length_unit", "length unit", other, known, 24));
+                let told = format!("The length unit is {other}; only {known} exist. It has to be declared.");
+                notices.add("lighttools.length_unit", told);
+                None
             }
         };
         let origin = [28, 32, 36].map(|at| f32_in(block, at));
-        Ok(Header { minor: field(8), luminous, color, unit, origin, total: f32_in(block, 40) })
+        let luminous = if color == Color::Tristimulus { Some(true) } else { luminous };
+        Ok(Header { minor: field(8), luminous, color, unit, told: notices, origin, total: f32_in(block, 40) })
     }
 
     /// How many rays the length of the file proves. A whole file ends with its trailer; without it the records must prove
@@ -180,7 +192,7 @@ impl Header {
     }
 
     fn notices(&self) -> Notices {
-        let mut notices = Notices::default();
+        let mut notices = self.told.clone();
         if self.total().is_none() {
             let told = "The header has no total; the sum of the rays was taken, which LightTools means to be relative.";
             notices.add("lighttools.no_total", told);
@@ -197,23 +209,24 @@ impl Header {
     }
 
     fn facts(&self, ray_count: u64, notices: Notices) -> Facts {
+        let luminous = self.luminous == Some(true);
         Facts {
             format: Format::LightToolsBinary,
             ray_count,
             header_flux: Flux {
-                radiant_w: self.total().filter(|_| !self.luminous),
-                luminous_lm: self.total().filter(|_| self.luminous),
+                radiant_w: self.total().filter(|_| !luminous),
+                luminous_lm: self.total().filter(|_| luminous),
             },
             total_rule: TotalRule::Header,
-            has_radiant: !self.luminous,
-            has_luminous: self.luminous,
+            has_radiant: !luminous,
+            has_luminous: luminous,
             spectral: match self.color {
                 Color::None => SpectralData::None,
                 Color::Tristimulus => SpectralData::Tristimulus,
                 Color::Wavelength => SpectralData::Wavelength,
             },
             length_unit: self.unit,
-            quantity_unknown: false,
+            quantity_unknown: self.luminous.is_none(),
             texts: self.texts(),
             notices,
         }
@@ -221,9 +234,14 @@ impl Header {
 
     fn texts(&self) -> Vec<(String, String)> {
         let [x, y, z] = self.origin;
+        let data_type = match self.luminous {
+            Some(true) => "luminous flux",
+            Some(false) => "radiant power",
+            None => "",
+        };
         [
             ("version", format!("2.{}", self.minor)),
-            ("data_type", if self.luminous { "luminous flux" } else { "radiant power" }.to_owned()),
+            ("data_type", data_type.to_owned()),
             ("length_unit", self.unit.map_or("system", LengthUnit::symbol).to_owned()),
             ("data_origin", format!("{x} {y} {z}")),
             ("total_flux", self.total.to_string()),
@@ -370,16 +388,13 @@ mod tests {
 
     #[test]
     fn wrong_headers_have_names() {
-        let cases: [(&[(usize, u32)], &str); 10] = [
+        let cases: [(&[(usize, u32)], &str); 7] = [
             (&[(4, 3)], "lighttools.polarised"),
             (&[(4, 1)], "lighttools.version"),
-            (&[(12, 2)], "lighttools.data_type"),
             (&[(20, 1)], "lighttools.data_type"),
             (&[(16, 1)], "lighttools.far_field"),
             (&[(16, 2)], "lighttools.far_field"),
             (&[(20, 3)], "lighttools.color_info"),
-            (&[(24, 8)], "lighttools.length_unit"),
-            (&[(24, u32::MAX)], "lighttools.length_unit"),
             (&[(20, 2)], "lighttools.size"),
         ];
         for (fields, expected) in cases {
@@ -387,6 +402,14 @@ mod tests {
             assert_eq!(opened(bytes.clone()).unwrap_err().code(), expected, "{fields:?}");
             let told = peek(&bytes[..44].to_vec(), None);
             assert_eq!(told.err().map(|error| error.code()), Some(expected).filter(|code| *code != "lighttools.size"));
+        }
+        // What does not exist is not said, and has to be declared.
+        for (at, code) in [(12, "lighttools.data_type"), (24, "lighttools.length_unit")] {
+            for value in [8, u32::MAX] {
+                let (facts, _) = opened(file(&[(at, value)], &[RAY])).unwrap();
+                assert_eq!((facts.notices.count_of(code), facts.quantity_unknown), (1, at == 12), "{value} at {at}");
+                assert_eq!(facts.length_unit.is_none(), at == 24);
+            }
         }
         // Seven rays of 32 bytes are eight of 28: without a trailer only the directions tell.
         let mut colored = file(&[], &[COLORED; 7]);

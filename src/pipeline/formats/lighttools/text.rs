@@ -4,9 +4,10 @@
 
 use super::binary::{far_field, tristimulus_in_w};
 use crate::error::Error;
-use crate::formats::record::{Bytes, Facts, Format, RaySet, TotalRule};
+use crate::formats::record::{Bytes, Facts, Format, RaySet, TOTAL_UNREADABLE, TotalRule};
+use crate::formats::text::column_rules::{tell_equal_shares, under_header};
 use crate::formats::text::lines::{Line, Lines, Separator};
-use crate::formats::text::rows::{Grammar, Rows, Slot, ray_columns, spectral};
+use crate::formats::text::rows::{Grammar, LINE_OF_LIGHT, Rows, Slot, ray_columns, separator, spectral};
 use crate::vocabulary::declaration::Column;
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notices;
@@ -18,22 +19,29 @@ const START: &[u8] = b"lt_startofdata";
 /// The line after the last row.
 const END: &str = "lt_endofdata";
 
-/// Opens a file of this format.
+/// Opens a file of this format, its columns as declared where they are.
 ///
 /// # Errors
 /// As [`crate::formats::open`].
-pub fn open(bytes: Arc<dyn Bytes>, limits: &Limits) -> Result<RaySet, Error> {
-    let header = Header::read(bytes.as_ref(), limits.max_text_bytes)?;
-    let mut notices = header.notices();
-    let columns = header.columns();
+pub fn open(bytes: Arc<dyn Bytes>, columns: Option<&[Column]>, limits: &Limits) -> Result<RaySet, Error> {
+    let mut header = Header::read(bytes.as_ref(), limits.max_text_bytes)?;
+    let separator = separator(bytes.as_ref(), header.rows_at, LINE_OF_LIGHT.len())?;
+    let total = header.take_total(separator);
+    let mut notices = header.notices(total);
+    let (columns, luminous) = match columns {
+        Some(columns) => under_header(columns, header.luminous)?,
+        None => (header.columns()?, header.luminous),
+    };
+    tell_equal_shares(&columns, &mut notices);
     let slots = Slot::of(&columns, header.length_unit.map_or(1.0, LengthUnit::mm));
-    let grammar = Grammar { separator: Separator::Blank, slots, end: Some(END) };
+    let grammar = Grammar::new(separator, slots, Some(END));
     let rows = Rows::index(bytes, header.rows_at, grammar, limits, &mut notices)?;
     if !rows.has_end() {
         let told = "The line \"lt_endofdata\" is missing: the file may be cut. Its total is the header's all the same.";
         notices.add("lighttools.no_end", told);
     }
-    Ok(RaySet { facts: header.facts(&columns, rows.count(), notices), records: Box::new(rows) })
+    let facts = header.facts(&columns, luminous, total, rows.count(), notices);
+    Ok(RaySet { facts, records: Box::new(rows) })
 }
 
 /// Judges the header from the first bytes of a file that is `length` bytes long, if that is known.
@@ -58,12 +66,15 @@ struct Header {
     texts: Vec<(String, String)>,
     /// Flux is in lm; `None` where the file does not say.
     luminous: Option<bool>,
-    color: ColorInfo,
-    /// `None` for "system", which only LightTools knew.
+    /// `None` where the file says what does not exist.
+    color: Option<ColorInfo>,
+    /// `None` for "system", which only LightTools knew, and for what is no unit.
     length_unit: Option<LengthUnit>,
-    /// `lt_radiant_flux`, also of lm.
-    total: Option<f64>,
+    /// `lt_radiant_flux`, also of lm, as written.
+    total: Option<String>,
     origin: [f64; 3],
+    /// Words that are not known, and what has to be declared for them.
+    told: Notices,
     /// Offset of the line after [`START`].
     rows_at: u64,
 }
@@ -73,16 +84,17 @@ impl Header {
         let mut header = Header {
             texts: Vec::new(),
             luminous: None,
-            color: ColorInfo::None,
+            color: Some(ColorInfo::None),
             length_unit: None,
             total: None,
             origin: [0.0; 3],
+            told: Notices::default(),
             rows_at: 0,
         };
         let mut lines = Lines::of(bytes);
         while let Some(line) = lines.read_next()? {
             if line.text.eq_ignore_ascii_case(START) {
-                if header.color == ColorInfo::Tristimulus && header.luminous == Some(false) {
+                if header.color == Some(ColorInfo::Tristimulus) && header.luminous == Some(false) {
                     return Err(tristimulus_in_w(line.at));
                 }
                 header.rows_at = lines.at();
@@ -110,14 +122,14 @@ impl Header {
             let found = format!("{key} is \"{value}\"; {what}.");
             Error::malformed(code, found, "Export the file again.").at_byte(line.at)
         };
+        let unknown = |what: &str| format!("{key} is \"{value}\"; {what}. It has to be declared.");
+        let notices = &mut self.told;
         match key.as_str() {
-            "lt_datatype" => {
-                self.luminous = Some(match says.as_str() {
-                    "radiant_power" | "radiant_flux" | "radiometric" => false,
-                    "luminous_flux" | "luminous_power" | "photometric" => true,
-                    _ => return Err(wrong("lighttools.data_type", "only radiant_power and luminous_flux are known")),
-                });
-            }
+            "lt_datatype" => match says.as_str() {
+                "radiant_power" | "radiant_flux" | "radiometric" => self.luminous = Some(false),
+                "luminous_flux" | "luminous_power" | "photometric" => self.luminous = Some(true),
+                _ => notices.add("lighttools.data_type", unknown("only radiant_power and luminous_flux are known")),
+            },
             "lt_far_field_data" => match says.as_str() {
                 "no" | "false" | "0" | "" => {}
                 "yes" | "true" | "1" => return Err(far_field(line.at)),
@@ -125,44 +137,59 @@ impl Header {
             },
             "lt_color_info" => {
                 self.color = match says.as_str() {
-                    "none" | "no" | "" => ColorInfo::None,
-                    "wavelength" => ColorInfo::Wavelength,
-                    "tristimulus" => ColorInfo::Tristimulus,
-                    _ => {
-                        return Err(wrong("lighttools.color_info", "only none, wavelength and tristimulus are known"));
-                    }
+                    "none" | "no" | "" => Some(ColorInfo::None),
+                    "wavelength" => Some(ColorInfo::Wavelength),
+                    "tristimulus" => Some(ColorInfo::Tristimulus),
+                    _ => None,
                 };
             }
             "lt_length_units" if !matches!(says.as_str(), "" | "system") => {
-                let unit = LengthUnit::from_word(&says);
-                self.length_unit = Some(unit.ok_or_else(|| wrong("lighttools.length_unit", "no such unit is known"))?);
+                self.length_unit = LengthUnit::from_word(&says);
+                if self.length_unit.is_none() {
+                    notices.add("lighttools.length_unit", unknown("no such unit is known"));
+                }
             }
             "lt_data_origin" => {
                 self.origin =
                     point(value).ok_or_else(|| wrong("lighttools.data_origin", "three numbers belong there"))?;
             }
-            "lt_radiant_flux" | "lt_luminous_flux" => {
-                let total = Separator::Blank.number(value.as_bytes());
-                self.total = Some(total.ok_or_else(|| wrong("lighttools.total", "a number belongs there"))?);
-            }
+            "lt_radiant_flux" | "lt_luminous_flux" => self.total = Some(value.to_owned()),
             _ => {}
         }
         self.texts.push((key, value.to_owned()));
         Ok(())
     }
 
-    fn columns(&self) -> Vec<Column> {
+    fn columns(&self) -> Result<Vec<Column>, Error> {
         let flux = if self.luminous == Some(true) { Column::LuminousFlux } else { Column::RadiantFlux };
         match self.color {
-            ColorInfo::None => ray_columns(&[flux]),
-            ColorInfo::Wavelength => ray_columns(&[flux, Column::WavelengthNm]),
-            ColorInfo::Tristimulus => ray_columns(&[Column::TristimulusX, Column::LuminousFlux, Column::TristimulusZ]),
+            Some(ColorInfo::None) => Ok(ray_columns(&[flux])),
+            Some(ColorInfo::Wavelength) => Ok(ray_columns(&[flux, Column::WavelengthNm])),
+            Some(ColorInfo::Tristimulus) => {
+                Ok(ray_columns(&[Column::TristimulusX, Column::LuminousFlux, Column::TristimulusZ]))
+            }
+            None => {
+                let found = "lt_color_info has none of the words that are known: none, wavelength, tristimulus.";
+                let remedy = "Declare what each column of the rows holds, or export the file again.";
+                Err(Error::malformed("lighttools.color_info", found, remedy).at_byte(self.rows_at))
+            }
         }
     }
 
-    fn notices(&self) -> Notices {
-        let mut notices = Notices::default();
-        if self.known_total().is_none() {
+    /// The header's total, written like the rows. One that cannot be read is told: the rays are relative to it.
+    fn take_total(&mut self, separator: Separator) -> Option<f64> {
+        let stored = self.total.take()?;
+        let total = separator.number(stored.as_bytes());
+        if total.is_none() {
+            let told = format!("The header's total flux is \"{stored}\", which is no number as the rows have them.");
+            self.told.add(TOTAL_UNREADABLE, told);
+        }
+        Some(total.unwrap_or(f64::NAN))
+    }
+
+    fn notices(&mut self, total: Option<f64>) -> Notices {
+        let mut notices = std::mem::take(&mut self.told);
+        if known(total).is_none() && notices.count_of(TOTAL_UNREADABLE) == 0 {
             notices.add("lighttools.no_total", "The header has no total flux; the rays are taken as they are.");
         }
         if self.origin != [0.0; 3] {
@@ -173,12 +200,15 @@ impl Header {
         notices
     }
 
-    fn known_total(&self) -> Option<f64> {
-        self.total.filter(|total| total.is_finite() && *total > 0.0)
-    }
-
-    fn facts(self, columns: &[Column], ray_count: u64, notices: Notices) -> Facts {
-        let total = self.known_total();
+    fn facts(
+        self,
+        columns: &[Column],
+        luminous: Option<bool>,
+        total: Option<f64>,
+        ray_count: u64,
+        notices: Notices,
+    ) -> Facts {
+        let total = known(total);
         let has_luminous = columns.contains(&Column::LuminousFlux);
         Facts {
             format: Format::LightToolsText,
@@ -192,16 +222,21 @@ impl Header {
             has_luminous,
             spectral: spectral(columns),
             length_unit: self.length_unit,
-            quantity_unknown: self.luminous.is_none() && !has_luminous,
+            quantity_unknown: luminous.is_none() && !has_luminous,
             texts: self.texts,
             notices,
         }
     }
 }
 
+fn known(total: Option<f64>) -> Option<f64> {
+    total.filter(|total| total.is_finite() && *total > 0.0)
+}
+
 /// Three numbers.
 fn point(text: &str) -> Option<[f64; 3]> {
-    let mut numbers = Separator::Blank.fields(text.as_bytes()).map(|(_, field)| Separator::Blank.number(field));
+    let separator = Separator::of(text.as_bytes());
+    let mut numbers = separator.fields(text.as_bytes()).map(|(_, field)| separator.number(field));
     let point = [numbers.next()??, numbers.next()??, numbers.next()??];
     numbers.next().is_none().then_some(point)
 }
@@ -212,7 +247,7 @@ mod tests {
     use crate::formats::record::{RawRay, SpectralData};
 
     fn opened(text: &str) -> Result<(Facts, Vec<RawRay>), Error> {
-        let set = open(Arc::new(text.as_bytes().to_vec()), &Limits::default())?;
+        let set = open(Arc::new(text.as_bytes().to_vec()), None, &Limits::default())?;
         let mut rays = Vec::new();
         set.records.read(0, set.facts.ray_count as usize, &mut rays)?;
         Ok((set.facts, rays))
@@ -294,19 +329,21 @@ mod tests {
             (file("lt_radiant", "", ROW), "lighttools.no_total"),
             (file("lt_radiant", "lt_radiant_flux: 0", ROW), "lighttools.no_total"),
             (file("lt_data_origin", "lt_data_origin: 0 0 1.5", ROW), "lighttools.data_origin"),
+            // What has to be declared in their place.
+            (file("lt_datatype", "lt_datatype: photons", ROW), "lighttools.data_type"),
+            (file("lt_length", "lt_length_units: parsec", ROW), "lighttools.length_unit"),
+            (file("lt_radiant", "lt_radiant_flux: much", ROW), "rays.total_unreadable"),
+            (file("lt_radiant", "lt_radiant_flux: 0,5", ROW), "rays.total_unreadable"),
         ];
         for (text, code) in told {
             assert_eq!(opened(&text).unwrap().0.notices.count_of(code), 1, "{code}");
         }
         let refused = [
             (file("lt_far", "lt_far_field_data: YES", ROW), "lighttools.far_field"),
-            (file("lt_datatype", "lt_datatype: photons", ROW), "lighttools.data_type"),
             (file("lt_far", "lt_far_field_data: some", ROW), "lighttools.far_field"),
             (file("lt_color", "lt_color_info: rgb", ROW), "lighttools.color_info"),
             (file("lt_color", "lt_color_info: tristimulus", "1 2 3 0 0 1 7 8 9"), "lighttools.data_type"),
-            (file("lt_length", "lt_length_units: parsec", ROW), "lighttools.length_unit"),
             (file("lt_data_origin", "lt_data_origin: 0 0", ROW), "lighttools.data_origin"),
-            (file("lt_radiant", "lt_radiant_flux: much", ROW), "lighttools.total"),
             (file("lt_color", "lt_color_info: wavelength", ROW), "text.columns"),
             (LINES.join("\n"), "lighttools.no_data"),
         ];

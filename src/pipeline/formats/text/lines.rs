@@ -34,11 +34,17 @@ impl Line<'_> {
 
     /// Starts as comments do in ray files and in what scripts write.
     pub fn is_comment(self) -> bool {
-        matches!(self.text.first(), Some(b'#' | b'!' | b'%')) || self.text.starts_with(b"//")
+        is_comment(self.text)
     }
 }
 
-/// Reads lines forward. `\n`, `\r\n`, `\n\r` and `\r` all end a line, because blank lines are skipped.
+/// Starts as comments do in ray files and in what scripts write.
+pub fn is_comment(line: &[u8]) -> bool {
+    matches!(line.first(), Some(b'#' | b'!' | b'%')) || line.starts_with(b"//")
+}
+
+/// Reads lines forward. `\n`, `\r\n`, `\n\r` and `\r` all end a line, because blank lines are skipped. NUL and Ctrl-Z end the
+/// text, as they did for the programs that pad files with them: see [`Lines::stopped_at`].
 pub struct Lines<'a> {
     bytes: &'a dyn Bytes,
     /// Bytes at hand; those before `from` are done with.
@@ -84,6 +90,11 @@ impl<'a> Lines<'a> {
         Ok((length > 0).then_some(Line { at, text, ended }))
     }
 
+    /// Where the text ends before the file does: at a NUL or a Ctrl-Z.
+    pub fn stopped_at(&self) -> Option<u64> {
+        self.block.get(self.from).filter(|byte| is_padding(**byte)).map(|_| self.at())
+    }
+
     /// Offset of the next byte.
     pub fn at(&self) -> u64 {
         self.next - (self.block.len() - self.from) as u64
@@ -120,9 +131,14 @@ fn too_long(at: u64) -> Error {
     Error::malformed("text.line_too_long", found, "Export the file again, one ray on a line.").at_byte(at)
 }
 
-/// Index of the first `\n` or `\r`.
+/// NUL and Ctrl-Z: old programs fill the end of a text with them.
+pub fn is_padding(byte: u8) -> bool {
+    byte == 0 || byte == 0x1a
+}
+
+/// Index of the first `\n` or `\r`, or of what ends the text.
 fn line_end(bytes: &[u8]) -> Option<usize> {
-    let ends = |byte: &u8| *byte == b'\n' || *byte == b'\r';
+    let ends = |byte: &u8| *byte == b'\n' || *byte == b'\r' || is_padding(*byte);
     let (lanes, _) = bytes.as_chunks::<LANES>();
     let dull = |lane: &&[u8; LANES]| !lane.iter().fold(false, |any, byte| any | ends(byte));
     let from = LANES * lanes.iter().take_while(dull).count();
@@ -134,33 +150,61 @@ fn line_end(bytes: &[u8]) -> Option<usize> {
 pub enum Separator {
     /// Spaces and tabs, any number of them.
     Blank,
-    /// One tab; a comma is then a decimal point.
+    /// The same, with decimal commas.
+    BlankComma,
+    /// One tab, with decimal commas.
     Tab,
+    /// One tab, with decimal points.
+    TabPoint,
     /// One comma.
     Comma,
-    /// One semicolon; a comma is then a decimal point.
+    /// One semicolon, with decimal commas.
     Semicolon,
+    /// One semicolon, with decimal points.
+    SemicolonPoint,
 }
 
 impl Separator {
-    /// What stands between the fields of this line: the rarest sign it has.
+    /// What stands between the fields of this line: the rarest sign it has. Where a point is a decimal one, a comma is none.
     pub fn of(line: &[u8]) -> Separator {
-        let count = |sign: u8| line.iter().filter(|byte| **byte == sign).count();
-        match () {
-            () if count(b';') > 0 => Separator::Semicolon,
-            () if count(b'\t') > 0 && count(b',') > 0 => Separator::Tab,
-            () if count(b',') > 0 => Separator::Comma,
-            () => Separator::Blank,
+        let has = |sign: u8| line.contains(&sign);
+        match (has(b';'), has(b'\t') && has(b','), has(b',')) {
+            (true, ..) if has(b'.') => Separator::SemicolonPoint,
+            (true, ..) => Separator::Semicolon,
+            (_, true, _) if has(b'.') => Separator::TabPoint,
+            (_, true, _) => Separator::Tab,
+            (.., true) if has_decimal_commas(line) => Separator::BlankComma,
+            (.., true) => Separator::Comma,
+            _ => Separator::Blank,
         }
+    }
+
+    /// What all of `rows` are written with, if they are written alike: that of the first which shows it.
+    pub fn of_rows<'r>(rows: impl IntoIterator<Item = &'r [u8]>) -> Separator {
+        let shows = |separator: &Separator| *separator != Separator::Blank && *separator != Separator::Semicolon;
+        let mut first = None;
+        for row in rows {
+            let separator = Separator::of(row);
+            if shows(&separator) || row.contains(&b',') {
+                return separator;
+            }
+            first = first.or(Some(separator));
+        }
+        first.unwrap_or(Separator::Blank)
+    }
+
+    /// The decimal sign is a comma.
+    fn has_decimal_comma(self) -> bool {
+        matches!(self, Separator::BlankComma | Separator::Tab | Separator::Semicolon)
     }
 
     /// The fields of a line, from its byte 0: each with its place in the line. One sign at the end of a line ends its last field.
     pub fn fields(self, line: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
         let sign = match self {
-            Separator::Blank => None,
-            Separator::Tab => Some(b'\t'),
+            Separator::Blank | Separator::BlankComma => None,
+            Separator::Tab | Separator::TabPoint => Some(b'\t'),
             Separator::Comma => Some(b','),
-            Separator::Semicolon => Some(b';'),
+            Separator::Semicolon | Separator::SemicolonPoint => Some(b';'),
         };
         let mut from = 0;
         std::iter::from_fn(move || {
@@ -177,10 +221,14 @@ impl Separator {
         })
     }
 
-    /// A number of this line. Beyond Rust's own grammar: decimal commas, Fortran's `1.5D-03` and `1.5-103`, quotes, and what C
-    /// writes for NaN and infinity, which becomes NaN.
+    /// A number of this line, whole or not at all: with decimal commas a point is a grouping sign, and the other way round. Beyond
+    /// Rust's own grammar: Fortran's `1.5D-03` and `1.5-103`, quotes, and what stands where no number could be written, which
+    /// becomes NaN: C's NaN and infinity, Fortran's `****`, `#NUM!` and `N/A` of tables.
     pub fn number(self, field: &[u8]) -> Option<f64> {
         let text = str::from_utf8(field).ok()?;
+        if self.has_decimal_comma() && text.contains('.') && !text.contains('#') {
+            return None;
+        }
         text.parse().ok().or_else(|| self.odd_number(text))
     }
 
@@ -190,13 +238,15 @@ impl Separator {
             return None;
         }
         let unsigned = text.trim_start_matches(['-', '+']).to_ascii_lowercase();
-        if unsigned.starts_with("1.#") || unsigned.starts_with("nan(") {
+        let overflown = unsigned.len() > 1 && unsigned.bytes().all(|sign| sign == b'*');
+        let in_table = matches!(unsigned.as_str(), "#num!" | "#value!" | "#div/0!" | "#n/a" | "n/a" | "na" | "null");
+        if overflown || in_table || unsigned.starts_with("1.#") || unsigned.starts_with("nan(") {
             return Some(f64::NAN);
         }
         let mut plain = String::with_capacity(text.len() + 1);
         for sign in text.chars() {
             match sign {
-                ',' if matches!(self, Separator::Tab | Separator::Semicolon) => plain.push('.'),
+                ',' if self.has_decimal_comma() => plain.push('.'),
                 'd' | 'D' => plain.push('e'),
                 '+' | '-' if plain.ends_with(|last: char| last.is_ascii_digit() || last == '.') => {
                     plain.extend(['e', sign]);
@@ -206,6 +256,19 @@ impl Separator {
         }
         plain.parse().ok()
     }
+}
+
+/// Numbers between blanks, and every comma inside one of them: `0,5 1 -2,25`.
+fn has_decimal_commas(line: &[u8]) -> bool {
+    let decimal = |field: &[u8]| {
+        let digit = |at: usize| field.get(at).is_some_and(u8::is_ascii_digit);
+        let comma = field.iter().position(|byte| *byte == b',');
+        comma.is_none_or(|at| digit(at + 1) && (digit(at.wrapping_sub(1)) || at == 0) && digit(field.len() - 1))
+            && Separator::BlankComma.number(field).is_some()
+    };
+    let mut fields = Separator::BlankComma.fields(line).map(|(_, field)| field).peekable();
+    let one = fields.next();
+    fields.peek().is_some() && one.is_some_and(decimal) && fields.all(decimal)
 }
 
 fn is_blank(byte: u8) -> bool {
@@ -290,6 +353,47 @@ mod tests {
         assert_eq!(Separator::Semicolon.number(b"-0,25"), Some(-0.25));
         assert_eq!(Separator::Tab.number(b"2,5E-3"), Some(0.0025));
         assert_eq!(Separator::Comma.number(b"2,5"), None);
+        for text in ["****", "-***", "#NUM!", "N/A", "na"] {
+            assert!(Separator::Blank.number(text.as_bytes()).unwrap().is_nan(), "{text}");
+        }
+    }
+
+    /// Grouped digits are no number: read whole or not at all.
+    #[test]
+    fn one_decimal_sign_for_all() {
+        for (separator, text) in [
+            (Separator::SemicolonPoint, "1,234"),
+            (Separator::Semicolon, "1.234"),
+            (Separator::Semicolon, "1.234,5"),
+            (Separator::TabPoint, "1,234"),
+            (Separator::BlankComma, "1.5"),
+            (Separator::Blank, "1,234"),
+            (Separator::Blank, "1.5mm"),
+        ] {
+            assert_eq!(separator.number(text.as_bytes()), None, "{separator:?} {text}");
+        }
+        assert_eq!(Separator::of(b"0,5 1 -2,25e-3 0"), Separator::BlankComma);
+        assert_eq!(Separator::of(b"0, 5, 1"), Separator::Comma);
+        assert_eq!(Separator::of(b"1.5;2;3"), Separator::SemicolonPoint);
+        assert_eq!(Separator::of(b"1.5\t2,5\t3"), Separator::TabPoint);
+        let rows = |rows: [&'static str; 2]| Separator::of_rows(rows.map(str::as_bytes));
+        assert_eq!(rows(["0;0;1", "0.5;0;1"]), Separator::SemicolonPoint);
+        assert_eq!(rows(["0;0;1", "0,5;0;1"]), Separator::Semicolon);
+        assert_eq!(rows(["0 0 1", "0,5 0 1"]), Separator::BlankComma);
+        assert_eq!(rows(["0 0 1", "0.5 0 1"]), Separator::Blank);
+    }
+
+    #[test]
+    fn nul_and_control_z_end_the_text() {
+        for tail in [&b"\0\0\0"[..], b"\x1a", b"\r\n\x1a\0\0"] {
+            let bytes = [b"a b\nc", tail].concat();
+            let mut lines = Lines::of(&bytes);
+            assert_eq!(lines.read_next().unwrap().unwrap().to_text(), "a b");
+            let last = lines.read_next().unwrap().unwrap();
+            assert!(last.text == b"c" && last.ended);
+            assert_eq!(lines.read_next().unwrap(), None);
+            assert!(lines.stopped_at().is_some_and(|at| at >= 5 && at < bytes.len() as u64));
+        }
     }
 
     #[test]

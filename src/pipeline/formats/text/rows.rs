@@ -1,12 +1,14 @@
 //! Rows of numbers at random access: an index of the byte where every [`CHUNK_RAYS`]-th row starts, made in one forward pass, so
 //! that memory is 8 bytes for so many rows whatever the file.
 
-use super::lines::{Line, Lines, Separator};
+use super::lines::{Line, Lines, Separator, leading_numbers};
+use super::tail::{MOST_LINES, Tail, judge_padding};
 use crate::error::Error;
 use crate::formats::record::{Bytes, CHUNK_RAYS, RawRay, Records, SpectralData};
 use crate::vocabulary::declaration::Column;
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notices;
+use crate::vocabulary::wavelength::NM_PER_UM;
 use std::sync::Arc;
 
 /// What one column of a file holds and the factor to mm, nm, W or lm.
@@ -35,8 +37,12 @@ impl Slot {
     }
 }
 
-/// Nanometres per micrometre.
-const NM_PER_UM: f64 = 1000.0;
+/// Rows looked at to see how they are written.
+pub const PROOF_ROWS: usize = 64;
+/// Share of rows that a header may announce too many or too few.
+const COUNT_TOLERANCE: f64 = 0.01;
+/// Code of the notice for rows beyond the number that the header announces.
+pub const MORE_ROWS: &str = "text.more_rows";
 /// Position and direction.
 pub const LINE_OF_LIGHT: [Column; 6] = [Column::X, Column::Y, Column::Z, Column::L, Column::M, Column::N];
 
@@ -66,6 +72,10 @@ pub struct Grammar {
     pub slots: Vec<Slot>,
     /// The line after the last row, in lower case, where the format has one.
     pub end: Option<&'static str>,
+    /// The value of every ray, where no column holds flux.
+    weight: f64,
+    /// Bytes of the shortest row there can be.
+    shortest: usize,
 }
 
 /// The rows of a file.
@@ -77,13 +87,16 @@ pub struct Rows {
     count: u64,
     /// The line after the last row was there.
     has_end: bool,
+    /// Lines behind the last row.
+    tail: Tail,
 }
 
 impl Rows {
-    /// Finds the rows from byte `from` on. A last row that the end of the file cuts short is left out, with a notice.
+    /// Finds the rows from byte `from` on. A last row that the end of the file cuts short is left out, and so are lines of words
+    /// behind the last row, each with a notice; words between rows are taken as rows, and reading them fails.
     ///
     /// # Errors
-    /// `rays.too_many`, `text.line_too_long`, [`Error::Unreadable`].
+    /// `rays.too_many`, `text.line_too_long`, `text.control`, [`Error::Unreadable`].
     pub fn index(
         bytes: Arc<dyn Bytes>,
         from: u64,
@@ -91,7 +104,8 @@ impl Rows {
         limits: &Limits,
         notices: &mut Notices,
     ) -> Result<Rows, Error> {
-        let mut rows = Rows { bytes: Arc::clone(&bytes), grammar, starts: Vec::new(), count: 0, has_end: false };
+        let (starts, tail) = (Vec::new(), Tail::default());
+        let mut rows = Rows { bytes: Arc::clone(&bytes), grammar, starts, count: 0, has_end: false, tail };
         let mut lines = Lines::from(bytes.as_ref(), from);
         while let Some(line) = lines.read_next()? {
             match rows.grammar.kind(line) {
@@ -100,11 +114,31 @@ impl Rows {
                     rows.has_end = true;
                     break;
                 }
-                Kind::Row if line.ended || rows.keeps_last(line, notices) => rows.add(line.at, limits)?,
-                Kind::Row => {}
+                Kind::Words if rows.tail.line_count() < MOST_LINES => rows.tail.add(line),
+                Kind::Row | Kind::Words if line.ended || rows.keeps_last(line, notices) => {
+                    for at in rows.tail.take() {
+                        rows.add(at, limits)?;
+                    }
+                    rows.add(line.at, limits)?;
+                }
+                Kind::Row | Kind::Words => {}
             }
         }
+        if let Some(at) = lines.stopped_at().filter(|_| !rows.has_end) {
+            judge_padding(bytes.as_ref(), at, notices)?;
+        }
+        rows.tail.tell(notices);
         Ok(rows)
+    }
+
+    /// Lines behind the last row.
+    pub fn tail(&self) -> &Tail {
+        &self.tail
+    }
+
+    /// The flux of the rows is that of `column`.
+    pub fn hold_flux(&mut self, column: Column) {
+        self.grammar.slots.iter_mut().filter(|slot| slot.column == Column::Flux).for_each(|slot| slot.column = column);
     }
 
     fn add(&mut self, at: u64, limits: &Limits) -> Result<(), Error> {
@@ -144,23 +178,55 @@ impl Rows {
     /// program. Fewer mean that the file was cut, and with it the total, which is the sum of the rays.
     ///
     /// # Errors
-    /// `text.row_count`.
+    /// `text.row_count`, where more than 1 % of the rows are missing.
     pub fn hold_to(&mut self, announced: u64, notices: &mut Notices) -> Result<(), Error> {
+        let share = |part: u64, whole: u64| 100.0 * part as f64 / whole.max(1) as f64;
         if self.count < announced {
-            let found = format!("The header announces {announced} rays; the file has {} rows.", self.count);
-            let remedy = "Fetch the file again, the copy is not complete; if it is, correct the number in its header.";
-            return Err(Error::malformed("text.row_count", found, remedy).at_byte(self.bytes.len()));
-        }
-        if self.count > announced {
-            let told = format!(
-                "The header announces {announced} rays and {} rows follow; those beyond were not read.",
+            let missing = share(announced - self.count, announced);
+            let found = format!(
+                "The header announces {announced} rays; the file has {} rows: {missing:.2} % are missing.",
                 self.count
             );
-            notices.add("text.more_rows", told);
+            if missing > 100.0 * COUNT_TOLERANCE {
+                let remedy =
+                    "Fetch the file again, the copy is not complete; if it is, correct the number in its header.";
+                return Err(Error::malformed("text.row_count", found, remedy).at_byte(self.bytes.len()));
+            }
+            notices.add("text.fewer_rows", found);
+        } else if self.count > announced {
+            let more = self.count - announced;
+            let told = format!(
+                "The header announces {announced} rays and {} rows follow; those beyond, {:.2} % of them, were not read.",
+                self.count,
+                share(more, self.count)
+            );
+            notices.count(MORE_ROWS, more, None, told);
         }
-        self.count = announced;
+        self.count = self.count.min(announced);
         Ok(())
     }
+}
+
+/// Whether so many rows beyond those announced are more than a wrong number explains.
+pub fn too_many_more(unread: u64, read: u64) -> bool {
+    unread as f64 > COUNT_TOLERANCE * (unread + read) as f64
+}
+
+/// How the rows of a file from byte `from` on are written, by the first of them.
+///
+/// # Errors
+/// As [`Lines::read_next`].
+pub fn separator(bytes: &dyn Bytes, from: u64, fewest: usize) -> Result<Separator, Error> {
+    let mut lines = Lines::from(bytes, from);
+    let mut rows: Vec<Vec<u8>> = Vec::new();
+    while rows.len() < PROOF_ROWS
+        && let Some(line) = lines.read_next()?
+    {
+        if !line.is_comment() && leading_numbers(line.text) >= fewest {
+            rows.push(line.text.to_vec());
+        }
+    }
+    Ok(Separator::of_rows(rows.iter().map(Vec::as_slice)))
 }
 
 impl Records for Rows {
@@ -173,7 +239,7 @@ impl Records for Rows {
         while row < end
             && let Some(line) = lines.read_next()?
         {
-            if matches!(self.grammar.kind(line), Kind::Row) {
+            if matches!(self.grammar.kind(line), Kind::Row | Kind::Words) {
                 if row >= first {
                     rays.push(self.grammar.ray(row, line)?);
                 }
@@ -189,30 +255,64 @@ enum Kind {
     Row,
     Comment,
     End,
+    /// No row: a remark, a total.
+    Words,
 }
 
 impl Grammar {
+    /// Rows of these columns.
+    pub fn new(separator: Separator, slots: Vec<Slot>, end: Option<&'static str>) -> Grammar {
+        use Column::{Flux, LuminousFlux, RadiantFlux};
+        let has_flux = slots.iter().any(|slot| matches!(slot.column, Flux | RadiantFlux | LuminousFlux));
+        let shortest = (2 * slots.len()).saturating_sub(1);
+        Grammar { separator, slots, end, weight: if has_flux { 0.0 } else { 1.0 }, shortest }
+    }
+
     fn kind(&self, line: Line<'_>) -> Kind {
         match self.end {
             _ if line.is_comment() => Kind::Comment,
             Some(end) if line.text.eq_ignore_ascii_case(end.as_bytes()) => Kind::End,
-            _ => Kind::Row,
+            _ if self.is_row(line) => Kind::Row,
+            _ => Kind::Words,
         }
     }
 
-    /// The ray of a line that is row `row`, from 0.
+    /// It begins with a number, and is long enough for all of them unless it is cut.
+    fn is_row(&self, line: Line<'_>) -> bool {
+        if line.ended && line.text.len() < self.shortest {
+            return false;
+        }
+        let numeric = match line.text {
+            [b'0'..=b'9' | b'"', ..] | [b'+' | b'-' | b'.' | b'*', b'0'..=b'9' | b'.' | b'*', ..] => true,
+            _ => leading_numbers(line.text) > 0,
+        };
+        let named = || self.slots.first().is_some_and(|slot| slot.column == Column::Ignored);
+        numeric || (named() && self.separator.fields(line.text).count() == self.slots.len())
+    }
+
+    /// The ray of a line that is row `row`, from 0. A row in which a program could not write its numbers (`****`) is one of NaN,
+    /// which the check of rays refuses and counts.
     ///
     /// # Errors
     /// `text.not_a_number` and `text.columns`, with their byte.
     pub fn ray(&self, row: u64, line: Line<'_>) -> Result<RawRay, Error> {
+        let overflown = || line.text.windows(2).any(|pair| pair == b"**");
+        match self.parse(row, line) {
+            Err(_) if overflown() => Ok(RawRay { origin_mm: [f64::NAN; 3], ..RawRay::default() }),
+            parsed => parsed,
+        }
+    }
+
+    fn parse(&self, row: u64, line: Line<'_>) -> Result<RawRay, Error> {
         let mut fields = self.separator.fields(line.text);
-        let mut ray = RawRay::default();
+        let mut ray = RawRay { radiant: self.weight, ..RawRay::default() };
         for (found, slot) in self.slots.iter().enumerate() {
             let Some((place, field)) = fields.next() else { return Err(self.wrong_count(row, line.at, found)) };
             if slot.column == Column::Ignored {
                 continue;
             }
-            let Some(number) = self.separator.number(field) else {
+            let number = self.separator.number(field).or(field.is_empty().then_some(f64::NAN));
+            let Some(number) = number else {
                 return Err(not_a_number(row, line.at + place as u64, field));
             };
             put(&mut ray, slot.column, slot.scale * number);
@@ -225,7 +325,9 @@ impl Grammar {
 
     fn wrong_count(&self, row: u64, at: u64, found: usize) -> Error {
         let found = format!("Row {} has {found} columns, not {}.", row + 1, self.slots.len());
-        Error::malformed("text.columns", found, "Export the file again, every ray with the same columns.").at_byte(at)
+        let remedy =
+            "Declare what each column holds, if all rows have as many; else export the file again, every ray alike.";
+        Error::malformed("text.columns", found, remedy).at_byte(at)
     }
 }
 
@@ -259,7 +361,7 @@ mod tests {
 
     fn rows(text: &str, notices: &mut Notices) -> Result<Rows, Error> {
         let slots = Slot::of(&ray_columns(&[Column::LuminousFlux, Column::WavelengthUm]), 10.0);
-        let grammar = Grammar { separator: Separator::Blank, slots, end: Some("stop") };
+        let grammar = Grammar::new(Separator::Blank, slots, Some("stop"));
         Rows::index(Arc::new(text.as_bytes().to_vec()), 0, grammar, &Limits::default(), notices)
     }
 

@@ -7,6 +7,7 @@ use crate::formats::record::{Bytes, SpectralData};
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::spectrum::Table;
+use crate::vocabulary::wavelength::WavelengthUnit;
 
 /// Bytes of header and flags.
 const BLOCK: u64 = 288;
@@ -41,10 +42,12 @@ pub enum SpectralId {
     OneTable,
     /// 4: a table index per ray.
     IndexPerRay,
+    /// A number that does not exist.
+    Unknown,
 }
 
 impl SpectralId {
-    /// All, in the order of their numbers.
+    /// All that exist, in the order of their numbers.
     pub const ALL: [SpectralId; 5] =
         [SpectralId::None, SpectralId::One, SpectralId::PerRay, SpectralId::OneTable, SpectralId::IndexPerRay];
 }
@@ -165,7 +168,7 @@ impl Header {
             ray_count: u64::from(u32_in(&block, 20)) | u64::from(u32_in(&block, 24)) << 32,
             date: ascii(block.get(28..56).unwrap_or_default()),
             start_position: i32_in(&block, 56),
-            spectral_id: spectral_id(i32_in(&block, 60))?,
+            spectral_id: spectral_id(i32_in(&block, 60)),
             wavelength_nm: known(u32_in(&block, 64)),
             range_nm: [known(u32_in(&block, 68)), known(u32_in(&block, 72))],
             table_count: count(76, "spectral tables")?,
@@ -193,21 +196,7 @@ impl Header {
         if flags.tristimulus && !flags.luminous {
             return wrong("tm25.tristimulus", 280, "The rays have tristimulus X and Z but no Y.");
         }
-        match self.spectral_id {
-            SpectralId::One if self.wavelength_nm.is_none() => {
-                wrong("tm25.wavelength", 64, "One wavelength is announced for all rays, and none is given.")
-            }
-            SpectralId::PerRay if !flags.wavelength => {
-                wrong("tm25.spectral_columns", 268, "A wavelength per ray is announced, and the rays have none.")
-            }
-            SpectralId::OneTable | SpectralId::IndexPerRay if self.table_count == 0 => {
-                wrong("tm25.no_tables", 76, "Spectral tables are announced, and there are none.")
-            }
-            SpectralId::IndexPerRay if !flags.index => {
-                wrong("tm25.spectral_columns", 284, "A table index per ray is announced, and the rays have none.")
-            }
-            _ => Ok(()),
-        }
+        Ok(())
     }
 
     /// Refuses a count that the length of the file rules out, before anything is read or allocated for it.
@@ -262,12 +251,16 @@ impl Header {
     /// Identifier 1 as a table of one line.
     ///
     /// # Errors
-    /// `tm25.wavelength`.
-    pub fn single_wavelength(&self) -> Result<SpectralData, Error> {
-        self.wavelength_nm.and_then(|nm| Table::new(&[(nm, 1.0)])).map(SpectralData::Table).ok_or_else(|| {
-            let found = "One wavelength is announced for all rays, and none is given.";
-            Error::malformed("tm25.wavelength", found, "Export the file again.").at_byte(64)
-        })
+    /// A sentence, where there is no wavelength of light.
+    pub fn single_wavelength(&self, notices: &mut Notices) -> Result<SpectralData, String> {
+        let stored = self.wavelength_nm.ok_or("One wavelength is announced for all rays, and none is given.")?;
+        let unit = WavelengthUnit::of([stored])
+            .map_err(|stray| format!("One wavelength is announced for all rays, {stray} nm, which is no light."))?;
+        if unit == WavelengthUnit::Micrometre {
+            let told = "The one wavelength of all rays is in \u{b5}m by its size; it was read as such.";
+            notices.add("tm25.table_micrometres", told);
+        }
+        Ok(Table::new(&[(stored * unit.nm(), 1.0)]).map_or(SpectralData::None, SpectralData::Table))
     }
 
     /// What a person wants to see of it.
@@ -283,11 +276,8 @@ impl Header {
     }
 }
 
-fn spectral_id(stored: i32) -> Result<SpectralId, Error> {
-    usize::try_from(stored).ok().and_then(|k| SpectralId::ALL.get(k)).copied().ok_or_else(|| {
-        let found = format!("The spectral identifier is {stored}; only 0 to 4 exist.");
-        Error::malformed("tm25.spectral_identifier", found, "Export the file again.").at_byte(60)
-    })
+fn spectral_id(stored: i32) -> SpectralId {
+    usize::try_from(stored).ok().and_then(|k| SpectralId::ALL.get(k)).copied().unwrap_or(SpectralId::Unknown)
 }
 
 /// The eight known-data flags; any number but 0 is a yes.

@@ -23,7 +23,7 @@ pub mod writer;
 mod tests;
 
 use super::bytes::Cursor;
-use super::record::{Bytes, Facts, Format, RaySet, SpectralData, TotalRule};
+use super::record::{Bytes, Facts, Format, RaySet, SPECTRUM_UNREADABLE, SpectralData, TotalRule};
 use crate::error::Error;
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notices;
@@ -66,12 +66,10 @@ impl Preamble {
 pub fn open(bytes: Arc<dyn Bytes>, limits: &Limits) -> Result<RaySet, Error> {
     let mut notices = Notices::default();
     let (preamble, layout) = read_preamble(bytes.as_ref(), limits, &mut notices)?;
-    let facts = facts(preamble, &layout, notices)?;
-    let ids = match &facts.spectral {
-        SpectralData::Tables(tables) => tables.len() as u32,
-        _ => 0,
-    };
-    Ok(RaySet { facts, records: Box::new(Tm25Records::new(bytes, layout, ids)) })
+    let indexed = preamble.header.spectral_id == SpectralId::IndexPerRay;
+    let tables = if indexed { preamble.spectra.points.len() as u32 } else { 0 };
+    let facts = facts(preamble, &layout, notices);
+    Ok(RaySet { facts, records: Box::new(Tm25Records::new(bytes, layout, tables)) })
 }
 
 /// Judges the header from the first bytes of a file that is `length` bytes long, if that is known.
@@ -105,16 +103,19 @@ pub fn read_preamble(bytes: &dyn Bytes, limits: &Limits, notices: &mut Notices) 
     Ok((Preamble { header, spectra, additional }, layout))
 }
 
-fn facts(preamble: Preamble, layout: &Layout, mut notices: Notices) -> Result<Facts, Error> {
+fn facts(preamble: Preamble, layout: &Layout, mut notices: Notices) -> Facts {
     let Preamble { header, spectra, additional } = preamble;
-    let spectral = spectral_data(&header, &spectra, &mut notices)?;
+    let spectral = spectral_data(&header, &spectra, &mut notices).unwrap_or_else(|found| {
+        notices.add(SPECTRUM_UNREADABLE, found);
+        SpectralData::None
+    });
     if layout.has_stokes() {
         let told = "The rays are polarised; polarisation is not modelled and was left out.";
         notices.add("tm25.stokes_ignored", told);
     }
     let mut texts = header.told();
     texts.extend(additional.told());
-    Ok(Facts {
+    Facts {
         format: Format::Tm25,
         ray_count: header.ray_count,
         header_flux: Flux { radiant_w: header.radiant_w, luminous_lm: header.luminous_lm },
@@ -126,12 +127,14 @@ fn facts(preamble: Preamble, layout: &Layout, mut notices: Notices) -> Result<Fa
         quantity_unknown: false,
         texts,
         notices,
-    })
+    }
 }
 
 /// What the rays carry of the spectrum. A wavelength per ray wins over a table (seen with identifier 3).
-fn spectral_data(header: &Header, spectra: &Spectra, notices: &mut Notices) -> Result<SpectralData, Error> {
-    let tables = spectra.tables(notices)?;
+///
+/// # Errors
+/// A sentence on a spectrum that cannot be meant: it can be declared, so it is not fatal.
+fn spectral_data(header: &Header, spectra: &Spectra, notices: &mut Notices) -> Result<SpectralData, String> {
     if header.flags.wavelength {
         if header.spectral_id != SpectralId::PerRay {
             let told =
@@ -140,21 +143,31 @@ fn spectral_data(header: &Header, spectra: &Spectra, notices: &mut Notices) -> R
         }
         return Ok(SpectralData::Wavelength);
     }
-    let unused = match header.spectral_id {
-        SpectralId::IndexPerRay => 0,
-        SpectralId::OneTable => tables.len().saturating_sub(1),
-        SpectralId::None | SpectralId::One | SpectralId::PerRay => tables.len(),
+    let table_count = spectra.points.len();
+    let used = match header.spectral_id {
+        SpectralId::IndexPerRay => table_count,
+        SpectralId::OneTable => table_count.min(1),
+        SpectralId::None | SpectralId::One | SpectralId::PerRay | SpectralId::Unknown => 0,
     };
-    if unused > 0 {
+    if table_count > used {
         let told =
             "The file holds spectral tables that its spectral identifier gives no meaning to; they were left out.";
-        notices.count("tm25.unused_tables", unused as u64, None, told);
+        notices.count("tm25.unused_tables", (table_count - used) as u64, None, told);
     }
-    Ok(match header.spectral_id {
-        SpectralId::None if header.flags.tristimulus => SpectralData::Tristimulus,
-        SpectralId::None | SpectralId::PerRay => SpectralData::None,
-        SpectralId::One => header.single_wavelength()?,
-        SpectralId::OneTable => tables.into_iter().next().map_or(SpectralData::None, SpectralData::Table),
-        SpectralId::IndexPerRay => SpectralData::Tables(tables),
-    })
+    let tables = spectra.tables(used, notices)?;
+    match header.spectral_id {
+        SpectralId::Unknown => Err("The spectral identifier does not exist; only 0 to 4 do.".to_owned()),
+        SpectralId::None if header.flags.tristimulus => Ok(SpectralData::Tristimulus),
+        SpectralId::None => Ok(SpectralData::None),
+        SpectralId::PerRay => Err("A wavelength per ray is announced, and the rays have none.".to_owned()),
+        SpectralId::One => header.single_wavelength(notices),
+        SpectralId::OneTable | SpectralId::IndexPerRay if tables.is_empty() => {
+            Err("Spectral tables are announced, and there are none.".to_owned())
+        }
+        SpectralId::OneTable => Ok(tables.into_iter().next().map_or(SpectralData::None, SpectralData::Table)),
+        SpectralId::IndexPerRay if !header.flags.index => {
+            Err("A table index per ray is announced, and the rays have none.".to_owned())
+        }
+        SpectralId::IndexPerRay => Ok(SpectralData::Tables(tables)),
+    }
 }

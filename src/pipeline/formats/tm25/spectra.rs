@@ -5,6 +5,7 @@ use crate::formats::bytes::{Cursor, f32_in};
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::spectrum::Table;
+use crate::vocabulary::wavelength::{WavelengthUnit, lowest_dark};
 
 /// All tables as stored: `(nm, weight per nm)` points and the byte offset of each table.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -58,28 +59,47 @@ impl Spectra {
         Ok(spectra)
     }
 
-    /// The tables as spectra, sorted by wavelength.
+    /// The first `count` tables as spectra, sorted by wavelength; what is wrong with the first that is none.
     ///
     /// # Errors
-    /// `tm25.table` at the byte of a table that is no spectrum.
-    pub fn tables(&self, notices: &mut Notices) -> Result<Vec<Table>, Error> {
-        let mut tables = Vec::new();
-        for (points, at) in self.points.iter().zip(&self.offsets) {
-            let mut points: Vec<(f64, f64)> =
-                points.iter().map(|(nm, weight)| (f64::from(*nm), f64::from(*weight))).collect();
-            points.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let stored = points.len();
-            points.dedup();
-            if points.len() < stored {
-                let told = "A spectral table repeats points; the repetitions were left out.";
-                notices.count("tm25.table_repeats", (stored - points.len()) as u64, None, told);
-            }
-            tables.push(Table::new(&points).ok_or_else(|| {
-                let found = "A spectral table is no spectrum: wavelengths must be positive and differ, weights not negative \
-                             and not all zero.";
-                Error::malformed("tm25.table", found, "Export the file again.").at_byte(*at)
-            })?);
-        }
-        Ok(tables)
+    /// A sentence.
+    pub fn tables(&self, count: usize, notices: &mut Notices) -> Result<Vec<Table>, String> {
+        let stored = self.points.iter().zip(&self.offsets).take(count);
+        stored.map(|(points, at)| table(points, *at, notices)).collect()
     }
+}
+
+/// A table of points as stored from byte `at` on, mended as spectrum files are.
+fn table(stored: &[(f32, f32)], at: u64, notices: &mut Notices) -> Result<Table, String> {
+    let mut points: Vec<(f64, f64)> = stored.iter().map(|(nm, weight)| (f64::from(*nm), f64::from(*weight))).collect();
+    let unit = WavelengthUnit::of(points.iter().map(|(nm, _)| *nm)).map_err(|stray| {
+        format!("The wavelengths of the spectral table at byte {at} are neither all nm (100 to 20000) nor all \u{b5}m; see {stray}.")
+    })?;
+    if unit == WavelengthUnit::Micrometre {
+        points.iter_mut().for_each(|point| point.0 *= unit.nm());
+        notices.add(
+            "tm25.table_micrometres",
+            "The wavelengths of a spectral table are in \u{b5}m by their size; they were read as such.",
+        );
+    }
+    let most = points.iter().fold(0.0, |most: f64, point| most.max(point.1));
+    let dark = points.iter().filter(|(_, weight)| *weight < 0.0 && *weight >= lowest_dark(most)).count();
+    if dark > 0 {
+        points.iter_mut().filter(|point| point.1 < 0.0 && point.1 >= lowest_dark(most)).for_each(|point| point.1 = 0.0);
+        let told = "Small negative values of a spectral table, a spectrometer's dark noise, were set to 0.";
+        notices.count("tm25.table_negative", dark as u64, None, told);
+    }
+    points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let count = points.len();
+    points.dedup();
+    if points.len() < count {
+        let told = "A spectral table repeats points; the repetitions were left out.";
+        notices.count("tm25.table_repeats", (count - points.len()) as u64, None, told);
+    }
+    Table::new(&points).ok_or_else(|| {
+        format!(
+            "The spectral table at byte {at} is no spectrum: wavelengths must be positive and differ, weights not negative by \
+             more than 1 % of the highest and not all zero."
+        )
+    })
 }

@@ -160,25 +160,64 @@ fn a_lying_count_is_refused_before_anything_is_allocated_for_it() {
 
 #[test]
 fn headers_that_contradict_themselves() {
-    let [none, one, per_ray, table, index] = <[Preamble; 5]>::try_from(preambles()).unwrap();
+    let [none, one, per_ray, _, index] = <[Preamble; 5]>::try_from(preambles()).unwrap();
     let cases = [
-        (&none, 60, 9, "tm25.spectral_identifier"),
         (&none, 256, 0, "tm25.no_rays"),
         (&none, 272, 0, "tm25.no_flux"),
         (&one, 280, 1, "tm25.size"),
-        (&one, 64, 0, "tm25.wavelength"),
-        (&per_ray, 268, 0, "tm25.spectral_columns"),
         (&per_ray, 280, 1, "tm25.tristimulus"),
-        (&table, 76, 0, "tm25.no_tables"),
-        (&index, 284, 0, "tm25.spectral_columns"),
         (&index, PREAMBLE as usize, 0, "tm25.table"),
-        (&index, PREAMBLE as usize + 4, (-5.0_f32).to_bits() as i32, "tm25.table"),
     ];
     for (preamble, at, word, code) in cases {
         let mut bytes = written(preamble);
-        put(&mut bytes, at, word.to_le_bytes());
+        put(&mut bytes, at, i32::to_le_bytes(word));
         assert_eq!(opened(bytes).err().unwrap().code(), code, "word {word} at {at}");
     }
+}
+
+/// What a user can declare in its place is not fatal.
+#[test]
+fn spectra_that_cannot_be_meant_are_told() {
+    let [none, one, _, _, index] = <[Preamble; 5]>::try_from(preambles()).unwrap();
+    let first = PREAMBLE as usize + 4;
+    for (preamble, at, word) in [
+        (&none, 60, 9),
+        (&one, 64, 0),
+        (&one, 64, 50.0_f32.to_bits() as i32),
+        (&one, 60, 2),
+        (&one, 60, 3),
+        (&index, first, (-5.0_f32).to_bits() as i32),
+        (&index, first, 0.44_f32.to_bits() as i32),
+        (&index, first + 4, (-0.5_f32).to_bits() as i32),
+    ] {
+        let mut bytes = written(preamble);
+        put(&mut bytes, at, word.to_le_bytes());
+        let facts = opened(bytes).unwrap().facts;
+        assert_eq!(
+            (facts.notices.count_of("rays.spectrum_unreadable"), facts.spectral),
+            (1, SpectralData::None),
+            "{word} at {at}"
+        );
+    }
+}
+
+/// One rule for tables and for spectrum files: dark noise is set to 0, and µm are known by their size.
+#[test]
+fn tables_are_mended_as_spectrum_files_are() {
+    let index = &preambles()[4];
+    let mut bytes = written(index);
+    put(&mut bytes, PREAMBLE as usize + 8, (-0.01_f32).to_le_bytes());
+    let facts = opened(bytes).unwrap().facts;
+    assert_eq!(facts.notices.count_of("tm25.table_negative"), 1);
+    assert_eq!(facts.spectral.tables()[0].points().next(), Some((440.0, 0.0)));
+    let mut bytes = written(index);
+    for (k, um) in [0.44_f32, 0.45, 0.4605].into_iter().enumerate() {
+        put(&mut bytes, PREAMBLE as usize + 4 + 8 * k, um.to_le_bytes());
+    }
+    let facts = opened(bytes).unwrap().facts;
+    assert_eq!(facts.notices.count_of("tm25.table_micrometres"), 1);
+    let (low, high) = facts.spectral.tables()[0].range_nm();
+    assert!((low - 440.0).abs() < 1e-4 && (high - 460.5).abs() < 1e-4, "{low} {high}");
 }
 
 #[test]

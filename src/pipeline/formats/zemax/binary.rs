@@ -45,7 +45,7 @@ pub fn open(bytes: Arc<dyn Bytes>, limits: &Limits) -> Result<RaySet, Error> {
     let header = Header::read(bytes.as_ref())?;
     let layout = header.layout(bytes.as_ref())?;
     proof::count(header.ray_count.into(), limits).map_err(|error| error.at_byte(4))?;
-    let mut facts = header.facts(&layout)?;
+    let mut facts = header.facts(&layout);
     let spectral = Spectral::of(&layout, bytes.as_ref(), header.ray_count)?;
     spectral.notice(&mut facts.notices);
     let ray =
@@ -62,25 +62,43 @@ pub fn peek(bytes: &dyn Bytes, length: Option<u64>) -> Result<(), Error> {
     bytes.read_at(0, &mut block)?;
     let header = Header { ray_count: u32_in(&block, 4), block };
     match length {
-        Some(_) => header.facts(&header.layout(bytes)?).map(|_| ()),
+        Some(_) => header.layout(bytes).map(|_| ()),
         None => Ok(()),
     }
 }
 
 /// The length unit of a code; text files have the same.
-///
-/// # Errors
-/// `zemax.unit`.
-pub fn length_unit(code: i32) -> Result<LengthUnit, Error> {
+pub fn length_unit(code: i32) -> Option<LengthUnit> {
     match code {
-        0 => Ok(LengthUnit::Metre),
-        1 => Ok(LengthUnit::Inch),
-        2 => Ok(LengthUnit::Centimetre),
-        3 => Ok(LengthUnit::Foot),
-        4 => Ok(LengthUnit::Millimetre),
+        0 => Some(LengthUnit::Metre),
+        1 => Some(LengthUnit::Inch),
+        2 => Some(LengthUnit::Centimetre),
+        3 => Some(LengthUnit::Foot),
+        4 => Some(LengthUnit::Millimetre),
+        _ => None,
+    }
+}
+
+/// The same; a code that does not exist is told, and says nothing.
+pub fn stored_unit(code: i32, notices: &mut Notices) -> Option<LengthUnit> {
+    let unit = length_unit(code);
+    if unit.is_none() {
+        let told = format!("The length unit is {code}; only 0 to 4 (m, in, cm, ft, mm) exist. It has to be declared.");
+        notices.add("zemax.unit", told);
+    }
+    unit
+}
+
+/// Whether a flux type is lm; one that does not exist is told, and says nothing.
+pub fn stored_flux_type(code: i32, notices: &mut Notices) -> Option<bool> {
+    match code {
+        0 => Some(false),
+        1 => Some(true),
         _ => {
-            let found = format!("The length unit is {code}; only 0 to 4 (m, in, cm, ft, mm) exist.");
-            Err(Error::malformed("zemax.unit", found, "Export the file again."))
+            let told =
+                format!("The flux type is {code}; only 0 (W) and 1 (lm) exist. The quantity has to be declared.");
+            notices.add("zemax.flux_type", told);
+            None
         }
     }
 }
@@ -98,12 +116,10 @@ struct Layout {
     start: u64,
     /// Records hold a wavelength.
     spectral: bool,
-    /// Flux is in lm.
-    luminous: bool,
     /// Flux type as stored.
     flux_type: i32,
-    /// Length unit of positions.
-    unit: LengthUnit,
+    /// Length unit of positions, where there is one of its code.
+    unit: Option<LengthUnit>,
 }
 
 impl Layout {
@@ -112,14 +128,19 @@ impl Layout {
         if self.spectral { 8 } else { 7 }
     }
 
+    /// Flux is in lm.
+    fn luminous(&self) -> bool {
+        !self.spectral && self.flux_type == 1
+    }
+
     /// The ray of a record whose wavelength, times `nm`, is in nm.
     fn ray(&self, record: &Words, nm: f64) -> RawRay {
         let flux = float(record, 6);
         RawRay {
-            origin_mm: triple(record, 0, self.unit.mm()),
+            origin_mm: triple(record, 0, self.unit.map_or(1.0, LengthUnit::mm)),
             direction: triple(record, 3, 1.0),
-            radiant: if self.luminous { 0.0 } else { flux },
-            luminous: if self.luminous { flux } else { 0.0 },
+            radiant: if self.luminous() { 0.0 } else { flux },
+            luminous: if self.luminous() { flux } else { 0.0 },
             wavelength_nm: float(record, 7) * nm,
             ..RawRay::default()
         }
@@ -146,7 +167,7 @@ impl Header {
                 && length == start + count * record_bytes
                 && (start == HEADER || proof::directions_hold(bytes, start, record_bytes, count)?)
             {
-                return self.layout_at(start, format == 2, at);
+                return Ok(self.layout_at(start, format == 2, at));
             }
         }
         let (_, format, _) = formats[0];
@@ -163,48 +184,46 @@ impl Header {
         Err(Error::malformed("zemax.size", found, remedy).at_byte(length.min(HEADER)))
     }
 
-    fn layout_at(&self, start: u64, spectral: bool, format_at: usize) -> Result<Layout, Error> {
+    fn layout_at(&self, start: u64, spectral: bool, format_at: usize) -> Layout {
         let (unit, flux_type) = (i32_in(&self.block, 136), i32_in(&self.block, format_at + 4));
-        let unit = length_unit(unit).map_err(|error| error.at_byte(136))?;
-        if !(spectral || matches!(flux_type, 0 | 1)) {
-            let found = format!("The flux type is {flux_type}; only 0 (W) and 1 (lm) exist.");
-            let remedy = "Export the file again with a flux unit.";
-            return Err(Error::malformed("zemax.flux_type", found, remedy).at_byte(format_at as u64 + 4));
-        }
-        Ok(Layout { start, spectral, luminous: !spectral && flux_type == 1, flux_type, unit })
+        Layout { start, spectral, flux_type, unit: length_unit(unit) }
     }
 
-    fn facts(&self, layout: &Layout) -> Result<Facts, Error> {
+    fn facts(&self, layout: &Layout) -> Facts {
         let float = |at| f32_in(&self.block, at);
         let mut notices = Notices::default();
         if layout.start == HEADER_LONG {
             let told = "The header is 212 bytes long, as written by programs with 64-bit `long`; it was read as such.";
             notices.add("zemax.long_header", told);
         }
+        stored_unit(i32_in(&self.block, 136), &mut notices);
+        let mut quantity_unknown = false;
         if layout.spectral && layout.flux_type != 0 {
             notices.add(
                 "zemax.flux_type",
                 "Spectral rays are in W by definition; the flux type of the header was ignored.",
             );
+        } else if !layout.spectral {
+            quantity_unknown = stored_flux_type(layout.flux_type, &mut notices).is_none();
         }
         let total =
             [108, 112].map(|at| f64::from(float(at))).into_iter().find(|total| total.is_finite() && *total > 0.0);
-        Ok(Facts {
+        Facts {
             format: Format::ZemaxBinary,
             ray_count: u64::from(self.ray_count),
             header_flux: Flux {
-                radiant_w: total.filter(|_| !layout.luminous),
-                luminous_lm: total.filter(|_| layout.luminous),
+                radiant_w: total.filter(|_| !layout.luminous()),
+                luminous_lm: total.filter(|_| layout.luminous()),
             },
             total_rule: TotalRule::RaySum,
-            has_radiant: !layout.luminous,
-            has_luminous: layout.luminous,
+            has_radiant: !layout.luminous(),
+            has_luminous: layout.luminous(),
             spectral: self.spectral(layout, &mut notices),
-            length_unit: Some(layout.unit),
-            quantity_unknown: false,
-            texts: self.texts(layout),
+            length_unit: layout.unit,
+            quantity_unknown,
+            texts: self.texts(layout, quantity_unknown),
             notices,
-        })
+        }
     }
 
     /// A wavelength in the header of a flux-only file is that of all its rays; 0 stands for a composite, NaN for nothing.
@@ -227,17 +246,21 @@ impl Header {
         Table::new(&[(nm, 1.0)]).map_or(SpectralData::None, SpectralData::Table)
     }
 
-    fn texts(&self, layout: &Layout) -> Vec<(String, String)> {
+    fn texts(&self, layout: &Layout, quantity_unknown: bool) -> Vec<(String, String)> {
         let float = |at| f32_in(&self.block, at).to_string();
-        let unit = ["m", "in", "cm", "ft", "mm"].get(i32_in(&self.block, 136).max(0) as usize).copied().unwrap_or("");
+        let flux_unit = match (quantity_unknown, layout.luminous()) {
+            (true, _) => "",
+            (_, true) => "lm",
+            _ => "W",
+        };
         [
             ("identifier", i32_in(&self.block, 0).to_string()),
             ("description", ascii(self.block.get(8..108).unwrap_or_default())),
             ("source_flux", float(108)),
             ("ray_set_flux", float(112)),
             ("wavelength_um", float(116)),
-            ("length_unit", unit.to_owned()),
-            ("flux_unit", if layout.luminous { "lm" } else { "W" }.to_owned()),
+            ("length_unit", layout.unit.map_or("", LengthUnit::symbol).to_owned()),
+            ("flux_unit", flux_unit.to_owned()),
         ]
         .map(|(name, value)| (name.to_owned(), value))
         .to_vec()
@@ -384,12 +407,21 @@ mod tests {
         }
     }
 
+    /// What does not exist is not said, and has to be declared.
+    #[test]
+    fn units_and_flux_types_that_do_not_exist() {
+        let (facts, rays) = opened(file(9, 0, 0, &[RAY])).unwrap();
+        assert_eq!((facts.length_unit, facts.notices.count_of("zemax.unit")), (None, 1));
+        assert_eq!(rays[0].origin_mm, [1.0, 2.0, 0.5]);
+        let (facts, rays) = opened(file(4, 0, 2, &[RAY])).unwrap();
+        assert!(facts.quantity_unknown && facts.notices.count_of("zemax.flux_type") == 1);
+        assert_eq!((facts.has_radiant, rays[0].radiant), (true, 0.25));
+    }
+
     #[test]
     fn wrong_headers_name_their_byte() {
         let cases = [
-            (file(5, 0, 0, &[RAY]), "zemax.unit"),
             (file(4, 1, 0, &[RAY]), "zemax.ray_format"),
-            (file(4, 0, 2, &[RAY]), "zemax.flux_type"),
             (file(4, 2, 0, &[RAY]), "zemax.size"),
             (file(4, 0, 0, &[COLORED]), "zemax.size"),
         ];

@@ -1,31 +1,36 @@
 //! Zemax / OpticStudio text ray files (`pipeline/formats/README.md` 2): a line with count, unit and perhaps format and flux type, then rows.
 //!
-//! As in the binary file the total is the sum of the rays.
+//! As in the binary file the total is the sum of the rays. What the first line says of its rows loses to declared columns.
 
 use super::binary;
 use crate::error::Error;
 use crate::formats::record::{Bytes, Facts, Format, RaySet, TotalRule};
-use crate::formats::text::lines::{Lines, Separator};
-use crate::formats::text::rows::{Grammar, Rows, Slot, ray_columns, spectral};
+use crate::formats::text::column_rules::{tell_equal_shares, under_header};
+use crate::formats::text::lines::{Lines, Separator, leading_numbers};
+use crate::formats::text::rows::{Grammar, LINE_OF_LIGHT, Rows, Slot, ray_columns, separator, spectral};
 use crate::vocabulary::declaration::Column;
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::units::{Flux, LengthUnit};
 use std::sync::Arc;
 
-/// Opens a file of this format.
+/// Opens a file of this format, its columns as declared where they are.
 ///
 /// # Errors
 /// As [`crate::formats::open`].
-pub fn open(bytes: Arc<dyn Bytes>, limits: &Limits) -> Result<RaySet, Error> {
-    let header = Header::read(bytes.as_ref())?;
-    let columns = header.columns();
-    let grammar =
-        Grammar { separator: Separator::Blank, slots: Slot::of(&columns, header.length_unit.mm()), end: None };
-    let mut notices = Notices::default();
+pub fn open(bytes: Arc<dyn Bytes>, columns: Option<&[Column]>, limits: &Limits) -> Result<RaySet, Error> {
+    let mut header = Header::read(bytes.as_ref())?;
+    let (columns, luminous) = match columns {
+        Some(columns) => under_header(columns, header.luminous)?,
+        None => (header.columns()?, header.luminous),
+    };
+    tell_equal_shares(&columns, &mut header.notices);
+    let slots = Slot::of(&columns, header.length_unit.map_or(1.0, LengthUnit::mm));
+    let grammar = Grammar::new(separator(bytes.as_ref(), header.rows_at, LINE_OF_LIGHT.len())?, slots, None);
+    let mut notices = std::mem::take(&mut header.notices);
     let mut rows = Rows::index(bytes, header.rows_at, grammar, limits, &mut notices)?;
     rows.hold_to(header.ray_count, &mut notices)?;
-    Ok(RaySet { facts: header.facts(&columns, notices), records: Box::new(rows) })
+    Ok(RaySet { facts: header.facts(&columns, luminous, rows.count(), notices), records: Box::new(rows) })
 }
 
 /// Judges the header from the first bytes of a file that is `length` bytes long, if that is known.
@@ -40,12 +45,12 @@ pub fn peek(bytes: &dyn Bytes, _length: Option<u64>) -> Result<(), Error> {
 /// are more, and zeros up to the width of the row. No ray looks so: it would have no flux.
 pub fn starts(first: &[u8], second: Option<&[u8]>) -> bool {
     let Some(head) = whole_numbers(first) else { return false };
-    let row = second.map(crate::formats::text::lines::leading_numbers);
+    let row = second.map(leading_numbers);
     let tail = head.get(4..).unwrap_or_default();
     match head.len() {
         2 | 4 => row.is_none_or(|row| matches!(row, 7 | 8)),
         7 | 8 => {
-            let unit = head.get(1).is_some_and(|unit| binary::length_unit(*unit).is_ok());
+            let unit = head.get(1).is_some_and(|unit| binary::length_unit(*unit).is_some());
             unit && head.iter().take(1).all(|count| *count > 0) && tail.iter().all(|number| *number == 0)
         }
         _ => false,
@@ -54,23 +59,28 @@ pub fn starts(first: &[u8], second: Option<&[u8]>) -> bool {
 
 /// The numbers of a line, all of them whole.
 fn whole_numbers(line: &[u8]) -> Option<Vec<i32>> {
+    let separator = Separator::of(line);
     let whole = |field: &[u8]| {
-        let number = Separator::Blank.number(field)?;
+        let number = separator.number(field)?;
         (number.fract() == 0.0 && number.abs() <= f64::from(i32::MAX)).then_some(number as i32)
     };
-    Separator::Blank.fields(line).map(|(_, field)| whole(field)).collect()
+    separator.fields(line).map(|(_, field)| whole(field)).collect()
 }
 
-/// The first line.
+/// The first line that is no comment.
 struct Header {
     ray_count: u64,
-    length_unit: LengthUnit,
-    /// Rows hold a wavelength.
-    spectral: bool,
-    /// Flux is in lm; `None` where the header ends before it says so.
+    /// `None` where the line has a unit that does not exist.
+    length_unit: Option<LengthUnit>,
+    /// Rows hold a wavelength; `None` where the line has a format that does not exist.
+    spectral: Option<bool>,
+    /// Flux is in lm; `None` where the line ends before it says so, or says what does not exist.
     luminous: Option<bool>,
-    /// The line as it stands.
-    line: String,
+    /// The line as it stands, after the comments before it.
+    texts: Vec<(String, String)>,
+    notices: Notices,
+    /// Offset of the line.
+    at: u64,
     /// Offset of the rows.
     rows_at: u64,
 }
@@ -78,58 +88,70 @@ struct Header {
 impl Header {
     fn read(bytes: &dyn Bytes) -> Result<Header, Error> {
         let mut lines = Lines::of(bytes);
-        let (at, line, head) = match lines.read_next()? {
-            Some(line) => (line.at, line.to_text(), whole_numbers(line.text)),
-            None => (0, String::new(), None),
+        let mut texts: Vec<(String, String)> = Vec::new();
+        let (at, head) = loop {
+            let Some(line) = lines.read_next()? else { break (0, None) };
+            texts.push(("header".to_owned(), line.to_text()));
+            if !line.is_comment() {
+                break (line.at, whole_numbers(line.text));
+            }
         };
-        let wrong = |code, found: String| Error::malformed(code, found, "Export the file again.").at_byte(at);
         let rows_at = lines.at();
-        let second = lines.read_next()?.map_or(0, |row| crate::formats::text::lines::leading_numbers(row.text));
+        let mut second = 0;
+        while let Some(row) = lines.read_next()? {
+            if !row.is_comment() {
+                second = leading_numbers(row.text);
+                break;
+            }
+        }
         let head = head.unwrap_or_default();
         let (Some(count), Some(unit)) = (head.first().and_then(|n| u64::try_from(*n).ok()), head.get(1)) else {
-            return Err(wrong("zemax_text.header", format!("The header \"{line}\" has no count and unit.")));
+            let line = texts.last().map_or("", |(_, line)| line.as_str());
+            let found = format!("The header \"{line}\" has no count and unit.");
+            return Err(Error::malformed("zemax_text.header", found, "Export the file again.").at_byte(at));
         };
-        let length_unit = binary::length_unit(*unit).map_err(|error| error.at_byte(at))?;
-        let format = head.get(2).copied();
+        let mut notices = Notices::default();
+        let length_unit = binary::stored_unit(*unit, &mut notices);
         // A header of two numbers, or one filled up with zeros to the width of the rows, leaves the format to the rows.
-        let spectral = match format {
-            Some(0) | None => second == 8 && head.len() != 4,
-            Some(2) => true,
-            Some(format) => {
-                let found = format!("The ray format is {format}; only 0 (flux) and 2 (spectral) exist.");
-                return Err(wrong("zemax.ray_format", found));
-            }
+        let spectral = match head.get(2) {
+            Some(0) | None => Some(second == 8 && head.len() != 4),
+            Some(2) => Some(true),
+            Some(_) => None,
         };
         let luminous = match head.get(3) {
-            _ if spectral => Some(false),
+            _ if spectral == Some(true) => Some(false),
             None => None,
-            Some(0) => Some(false),
-            Some(1) => Some(true),
-            Some(kind) => {
-                return Err(wrong("zemax.flux_type", format!("The flux type is {kind}; only 0 (W) and 1 (lm) exist.")));
-            }
+            Some(kind) => binary::stored_flux_type(*kind, &mut notices),
         };
-        Ok(Header { ray_count: count, length_unit, spectral, luminous, line, rows_at })
+        Ok(Header { ray_count: count, length_unit, spectral, luminous, texts, notices, at, rows_at })
     }
 
-    fn columns(&self) -> Vec<Column> {
+    /// What the header says of the rows.
+    fn columns(&self) -> Result<Vec<Column>, Error> {
         let flux = if self.luminous == Some(true) { Column::LuminousFlux } else { Column::RadiantFlux };
-        if self.spectral { ray_columns(&[flux, Column::WavelengthUm]) } else { ray_columns(&[flux]) }
+        match self.spectral {
+            Some(true) => Ok(ray_columns(&[flux, Column::WavelengthUm])),
+            Some(false) => Ok(ray_columns(&[flux])),
+            None => {
+                let found = "The header has a ray format that does not exist; only 0 (flux) and 2 (spectral) do.";
+                let remedy = "Declare what each column of the rows holds, or export the file again.";
+                Err(Error::malformed("zemax.ray_format", found, remedy).at_byte(self.at))
+            }
+        }
     }
 
-    fn facts(self, columns: &[Column], notices: Notices) -> Facts {
-        let luminous = self.luminous == Some(true);
+    fn facts(self, columns: &[Column], luminous: Option<bool>, ray_count: u64, notices: Notices) -> Facts {
         Facts {
             format: Format::ZemaxText,
-            ray_count: self.ray_count,
+            ray_count,
             header_flux: Flux::default(),
             total_rule: TotalRule::RaySum,
-            has_radiant: !luminous,
-            has_luminous: luminous,
+            has_radiant: luminous != Some(true),
+            has_luminous: luminous == Some(true),
             spectral: spectral(columns),
-            length_unit: Some(self.length_unit),
-            quantity_unknown: self.luminous.is_none(),
-            texts: vec![("header".to_owned(), self.line)],
+            length_unit: self.length_unit,
+            quantity_unknown: luminous.is_none(),
+            texts: self.texts,
             notices,
         }
     }
@@ -141,7 +163,7 @@ mod tests {
     use crate::formats::record::{RawRay, SpectralData};
 
     fn opened(text: &str) -> Result<(Facts, Vec<RawRay>), Error> {
-        let set = open(Arc::new(text.as_bytes().to_vec()), &Limits::default())?;
+        let set = open(Arc::new(text.as_bytes().to_vec()), None, &Limits::default())?;
         let mut rays = Vec::new();
         set.records.read(0, set.facts.ray_count as usize, &mut rays)?;
         Ok((set.facts, rays))
@@ -188,9 +210,7 @@ mod tests {
     #[test]
     fn wrong_headers_and_rows() {
         let cases = [
-            ("1 5 0 0\n", ROW, "zemax.unit"),
             ("1 4 1 0\n", ROW, "zemax.ray_format"),
-            ("1 4 0 2\n", ROW, "zemax.flux_type"),
             ("-1 4 0 0\n", ROW, "zemax_text.header"),
             ("2 4 0 0\n", ROW, "text.row_count"),
             ("1 4 2 0\n", ROW, "text.columns"),
@@ -198,6 +218,43 @@ mod tests {
         ];
         for (header, row, code) in cases {
             assert_eq!(opened(&[header, row].concat()).unwrap_err().code(), code, "{header}");
+        }
+    }
+
+    /// What does not exist is not said, and has to be declared.
+    #[test]
+    fn units_and_flux_types_that_do_not_exist() {
+        let (facts, rays) = opened(&["1 5 0 0\n", ROW].concat()).unwrap();
+        assert_eq!((facts.length_unit, facts.notices.count_of("zemax.unit"), rays.len()), (None, 1, 1));
+        let (facts, _) = opened(&["1 4 0 2\n", ROW].concat()).unwrap();
+        assert!(facts.quantity_unknown && facts.notices.count_of("zemax.flux_type") == 1);
+    }
+
+    #[test]
+    fn comments_before_the_header_and_other_signs_between_numbers() {
+        for text in [
+            "! source\n# of light\n1 4 0 1\n1 2 0.5 0 0 1 0.25\n",
+            "1,4,0,1\n1,2,0.5,0,0,1,0.25\n",
+            "1;4;0;1\n1;2;0,5;0;0;1;0,25\n",
+            "1 4 0 1\n1 2 0,5 0 0 1 0,25\n",
+        ] {
+            let (facts, rays) = opened(text).unwrap();
+            assert_eq!((facts.length_unit, facts.has_luminous), (Some(LengthUnit::Millimetre), true), "{text}");
+            assert_eq!((rays[0].origin_mm, rays[0].luminous), ([1.0, 2.0, 0.5], 0.25), "{text}");
+        }
+    }
+
+    #[test]
+    fn declared_columns_hold_over_the_header() {
+        use Column::{Flux, Ignored, WavelengthUm};
+        for (header, more) in [("1 4 0 1\n", Ignored), ("1 4 1 0\n", WavelengthUm), ("1 4 0 0\n", WavelengthUm)] {
+            let text = [header, COLORED].concat().into_bytes();
+            let columns = ray_columns(&[Flux, more]);
+            let set = open(Arc::new(text), Some(&columns), &Limits::default()).unwrap();
+            let mut rays = Vec::new();
+            set.records.read(0, 1, &mut rays).unwrap();
+            let wavelength = if more == Ignored { SpectralData::None } else { SpectralData::Wavelength };
+            assert_eq!((set.facts.spectral, set.facts.has_luminous), (wavelength, header == "1 4 0 1\n"), "{header}");
         }
     }
 
