@@ -49,7 +49,7 @@ impl Sample {
             })?;
         picked.sort_unstable_by_key(|(place, _)| *place);
         let (held_out, training): (Vec<_>, Vec<_>) = picked.into_iter().partition(|(place, _)| is_held_out(*place));
-        let rays = |picked: Vec<(u64, Ray)>| picked.into_iter().map(|(_, ray)| ray).collect();
+        let rays = |picked: Vec<(u64, Ray)>| -> Vec<Ray> { picked.into_iter().map(|(_, ray)| ray).collect() };
         let training = rays(training);
         let scales = scales(&training, &source.flux);
         let no_spectrum = Spectral { columns: Columns::None, ..source.spectral.clone() };
