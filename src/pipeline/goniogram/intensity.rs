@@ -153,16 +153,6 @@ impl Grids {
         by_bytes.min(by_numbers) as usize
     }
 
-    /// What each zone's own vertices were counted to send, from the sums of all zones (sites `zone × cells + cell`).
-    pub fn counted(&self, fine: &Amounts, spectral: Option<&Amounts>) -> Vec<Measured> {
-        let of_zone = |amounts: &Amounts, cells: usize, id: usize| amounts.slice(id * cells..(id + 1) * cells);
-        let zone = |id: usize| {
-            let spectral = spectral.map(|spectral| of_zone(spectral, self.spectral.cell_count(), id));
-            Measured::new(of_zone(fine, self.fine.cell_count(), id), spectral.unwrap_or_else(Amounts::none))
-        };
-        (0..fine.len() / self.fine.cell_count()).map(zone).collect()
-    }
-
     /// The primary flux of the zones, smoothed: of outward `normals` of each zone's surface in the photometric frame, with weights that
     /// sum to 1, and of `kinds`. `ray`: what a typical ray carries.
     pub fn estimates(&self, zones: &[Measured], normals: &[Vec<(DVec3, f64)>], kinds: &[u32], ray: &Flux) -> Estimates {
@@ -357,7 +347,7 @@ pub struct Measured {
 
 impl Measured {
     /// As counted.
-    fn new(fine: Amounts, spectral: Amounts) -> Measured {
+    pub fn new(fine: Amounts, spectral: Amounts) -> Measured {
         let variance = |(flux, rays): (&f64, &f64)| if *rays > 0.0 { flux * flux / rays } else { 0.0 };
         let variance = fine.primary().iter().zip(&fine.rays).map(variance).collect();
         Measured { counted: fine.rays.clone(), fine, spectral, variance }

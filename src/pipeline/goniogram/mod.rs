@@ -12,6 +12,8 @@ pub mod zone;
 pub mod mixture;
 /// Directions to intensities.
 pub mod intensity;
+/// What is counted in zones while rays land.
+mod counts;
 /// How wide the beam is, which decides how fine its grid must be.
 mod beam;
 /// Smoothing of the intensities over the grid of directions.
@@ -26,7 +28,7 @@ pub use zone::{Lattice, Zone};
 use crate::error::Error;
 use crate::flux::Surface;
 use crate::flux::project::Landing;
-use crate::flux::tally::{self, Deposit, Quanta, Tally};
+use crate::flux::tally::{Deposit, Quanta};
 use crate::hull::{Carrier, Cloud, Hull};
 use crate::inspection::sample::hash;
 use crate::rays::direction_cube::DirectionCube;
@@ -37,7 +39,8 @@ use crate::vocabulary::space::Frame;
 use crate::vocabulary::watch::StageWatch;
 use beam::NarrowBeam;
 use glam::DVec3;
-use intensity::Grids;
+use counts::Counts;
+use intensity::{Grids, Measured};
 use mixture::Shares;
 use zone::Zoning;
 
@@ -89,14 +92,13 @@ impl Goniograms {
     }
 }
 
-/// Zones and grids, and what is counted in them while the rays are laid on the hull.
+/// Zones, and what is counted in them while the rays are laid on the hull.
 pub struct Plan {
     zoning: Zoning,
-    grids: Grids,
     narrow: Option<NarrowBeam>,
-    fine: Tally,
-    /// Without sites where there is no spectrum.
-    spectral: Option<Tally>,
+    zones: Counts,
+    /// The zones of each kind together, on finer grids: there are fewer. `None` where kinds are not all that may be left of the zones.
+    kinds: Option<Counts>,
 }
 
 /// Lays out zones by the light on `sketch`, and grids.
@@ -120,45 +122,38 @@ pub fn plan(
         }
         _ => Zoning::on_lattice(hull, sketch, frame, asked),
     };
-    let (spectrum, zones) = (cloud.spectral(), zoning.zones.len());
+    let spectrum = cloud.spectral();
     let bands = if spectrum.has_bands() { spectrum.bands.len() } else { 0 };
-    let grids = Grids::new(&cloud.source.survey.directions, &frame, options, zones, bands, narrow.as_ref());
     let quanta = Quanta::of(cloud);
-    let fine = Tally::new(&quanta, zones * grids.fine.cell_count(), false, limits)?;
-    let spectral = (spectrum.column_count() > 0)
-        .then(|| Tally::new(&quanta, zones * grids.spectral.cell_count(), true, limits))
-        .transpose()?;
-    Ok(Plan { zoning, grids, narrow, fine, spectral })
+    let counts = |zones: usize| {
+        let grids = Grids::new(&cloud.source.survey.directions, &frame, options, zones, bands, narrow.as_ref());
+        Counts::new(&quanta, grids, zones, spectrum, limits)
+    };
+    let (zone_count, kind_count) = (zoning.zones.len(), zoning.kind_count());
+    let may_merge = zoning.lattice.is_none() && kind_count < zone_count;
+    let kinds = may_merge.then(|| counts(kind_count)).transpose()?;
+    Ok(Plan { zones: counts(zone_count)?, kinds, zoning, narrow })
 }
 
 /// What one thread adds to a [`Plan`].
 pub struct Adding<'a> {
     plan: &'a Plan,
     hull: &'a Hull,
-    fine: tally::Adding<'a>,
-    spectral: Option<tally::Adding<'a>>,
+    zones: counts::Adding<'a>,
+    kinds: Option<counts::Adding<'a>>,
 }
 
 impl Adding<'_> {
-    /// Adds a ray that landed to the cells of the zones its triangle's corners belong to, by the weights at its landing point: a zone's
-    /// flux is the flux of its vertices before smoothing. Sites are `zone × cells + cell`, over the fine and the spectral grid.
+    /// Adds a ray that landed to the zones its triangle's corners belong to, by the weights at its landing point: a zone's flux is the
+    /// flux of its vertices before smoothing.
     pub fn add(&mut self, ray: &Ray, landing: &Landing, deposit: &Deposit) {
-        let Plan { zoning, grids, narrow, .. } = self.plan;
+        let Plan { zoning, narrow, .. } = self.plan;
         let direction = narrow.as_ref().map_or(ray.direction, |beam| beam.shown(ray.direction, hash(!ray.hash())));
         let (c, gamma) = zoning.frame.angles(direction);
-        let cell = grids.fine.cell(c, gamma);
-        let spectral_cell = grids.spectral.cell(c, gamma);
-        let mut put = |zone: u32, part: &Deposit| {
-            self.fine.add(zone as usize * grids.fine.cell_count() + cell, part);
-            if let Some(spectral) = &mut self.spectral {
-                spectral.add(zone as usize * grids.spectral.cell_count() + spectral_cell, part);
-            }
-        };
         let zones = self.hull.triangles[landing.triangle].map(|vertex| zoning.zone_of_vertex[vertex as usize]);
-        if zones[0] == zones[1] && zones[1] == zones[2] {
-            put(zones[0], deposit);
-        } else {
-            zones.iter().zip(deposit.split(landing.shares)).for_each(|(zone, part)| put(*zone, &part));
+        self.zones.add(zones, landing.shares, [c, gamma], deposit);
+        if let Some(kinds) = &mut self.kinds {
+            kinds.add(zones.map(|zone| zoning.kind_of_zone[zone as usize]), landing.shares, [c, gamma], deposit);
         }
     }
 }
@@ -166,7 +161,7 @@ impl Adding<'_> {
 impl Plan {
     /// Begins to add on this thread what lands on `hull`.
     pub fn adding<'a>(&'a self, hull: &'a Hull) -> Adding<'a> {
-        Adding { plan: self, hull, fine: self.fine.adding(), spectral: self.spectral.as_ref().map(Tally::adding) }
+        Adding { plan: self, hull, zones: self.zones.adding(), kinds: self.kinds.as_ref().map(Counts::adding) }
     }
 
     /// The goniograms of what was counted, one for each zone and one for the whole source.
@@ -181,37 +176,40 @@ impl Plan {
         options: &GoniogramOptions,
         watch: StageWatch<'_>,
     ) -> Result<Goniograms, Error> {
-        let Plan { mut zoning, grids, fine, spectral, .. } = self;
+        let Plan { mut zoning, zones, kinds, .. } = self;
         zoning.describe(hull, surface);
         let spectrum = cloud.spectral();
-        let spectral = spectral.map(Tally::amounts);
-        let mut measured = grids.counted(&fine.amounts(), spectral.as_ref());
-        drop(spectral);
+        let (mut grids, mut measured) = zones.measured();
+        watch.step(0.1)?;
+        let mut refined = Vec::new();
+        let mut noise = None;
+        if options.smooths() {
+            let estimates = |grids: &Grids, measured: &[Measured], zoning: &Zoning| {
+                grids.estimates(measured, &zoning.normals(hull, surface), &zoning.kind_of_zone, &surface.ray)
+            };
+            let mut found = estimates(&grids, &measured, &zoning);
+            watch.step(0.5)?;
+            if zoning.lattice.is_none() {
+                let zone_of_zone = zoning.merge(&found.even_kinds, hull, surface);
+                match kinds.filter(|_| found.even_kinds.iter().all(|even| *even)) {
+                    // Zones are in the order of their kinds, so each kind is a zone now.
+                    Some(kinds) => {
+                        (grids, measured) = kinds.measured();
+                        found = estimates(&grids, &measured, &zoning);
+                    }
+                    None => {
+                        measured = intensity::merged(measured, &zone_of_zone);
+                        found.merge(&zone_of_zone, &zoning.kind_of_zone);
+                    }
+                }
+            }
+            refined = found.zones;
+            noise = Some(found.whole);
+        }
         let of_volume = (cloud.carrier == Carrier::Volume)
             .then(|| grids.of_volume(&measured, options.smooths(), &surface.ray, spectrum))
             .flatten();
-        watch.step(0.1)?;
-        let mut noise = None;
         if options.smooths() {
-            let normals = zoning.normals(hull, surface);
-            let mut estimates = grids.estimates(&measured, &normals, &zoning.kind_of_zone, &surface.ray);
-            watch.step(0.5)?;
-            noise = Some(std::mem::take(&mut estimates.whole));
-            let mut refined = std::mem::take(&mut estimates.zones);
-            if zoning.lattice.is_none() {
-                let zone_of_zone = zoning.merge(&estimates.even_kinds, hull, surface);
-                measured = intensity::merged(measured, &zone_of_zone);
-                let merged = |zone: usize| {
-                    let kind = zoning.kind_of_zone[zone] as usize;
-                    let own = zone_of_zone.iter().position(|new| *new as usize == zone).unwrap_or(zone);
-                    std::mem::take(if estimates.even_kinds[kind] {
-                        &mut estimates.kinds[kind]
-                    } else {
-                        &mut refined[own]
-                    })
-                };
-                refined = (0..zoning.zones.len()).map(merged).collect();
-            }
             let shares =
                 Shares::of(&zoning.mixtures, &zoning.zone_of_vertex, surface.vertices.primary(), zoning.zones.len());
             grids.smooth(&mut measured, refined, &shares, &surface.ray, spectrum);

@@ -191,6 +191,22 @@ pub struct Estimates {
     pub even_kinds: Vec<bool>,
 }
 
+impl Estimates {
+    /// What was found of zones of even kinds gives way to what was found of their kind; `zone_of_zone` and `kind_of_zone` as
+    /// [`super::zone::Zoning::merge`] leaves them.
+    pub fn merge(&mut self, zone_of_zone: &[u32], kind_of_zone: &[u32]) {
+        let merged = |(zone, kind): (usize, &u32)| {
+            let kind = *kind as usize;
+            if self.even_kinds[kind] {
+                return std::mem::take(&mut self.kinds[kind]);
+            }
+            let own = zone_of_zone.iter().position(|new| *new as usize == zone);
+            own.map(|own| std::mem::take(&mut self.zones[own])).unwrap_or_default()
+        };
+        self.zones = kind_of_zone.iter().enumerate().map(merged).collect();
+    }
+}
+
 /// Σ |a − b of the same sum|: the flux of `a` that goes elsewhere, twice.
 fn difference(a: &[f64], b: &[f64]) -> f64 {
     let (flux, whole): (f64, f64) = (a.iter().sum(), b.iter().sum());

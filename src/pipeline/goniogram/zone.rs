@@ -156,6 +156,11 @@ impl Zoning {
         Zoning { frame, lattice: None, zones, zone_of_vertex, kind_of_zone, mixtures }
     }
 
+    /// How many kinds of zones there are.
+    pub fn kind_count(&self) -> usize {
+        self.kind_of_zone.iter().max().map_or(0, |last| *last as usize + 1)
+    }
+
     /// Makes one zone of all zones of each kind that is `even`. Answers the new zone of each; zones of a kind stay side by side.
     pub fn merge(&mut self, even: &[bool], hull: &Hull, surface: &Surface) -> Vec<u32> {
         let (mut zone_of_zone, mut kinds): (Vec<u32>, Vec<u32>) = (Vec::new(), Vec::new());

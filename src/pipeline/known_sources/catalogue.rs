@@ -29,10 +29,24 @@ const PHOSPHOR: &[(f64, f64)] = &[
 
 /// All known sources, looking along +Z.
 pub fn all() -> Vec<KnownSource> {
-    [flat_chip(), four_chips(), dome(), cylinder(), tilted_strip(), phosphor_ring(), two_lobes(), boxed_chip()]
-        .into_iter()
-        .flatten()
-        .collect()
+    let sources = [
+        flat_chip(),
+        four_chips(),
+        dome(),
+        cylinder(),
+        tilted_strip(),
+        phosphor_ring(),
+        two_lobes(),
+        boxed_chip(),
+        lit_sides(),
+        opaque_ball(),
+        absorbing_ball(),
+        aspheric_dome(),
+        beside_ring(),
+        narrow_beam(),
+        collimated(),
+    ];
+    sources.into_iter().flatten().collect()
 }
 
 /// The known source of this name.
@@ -98,7 +112,7 @@ fn tilted_strip() -> Option<KnownSource> {
 fn phosphor_ring() -> Option<KnownSource> {
     let parts = vec![
         part(chip(0.0, 0.0, 1.0, 1.0), 0.6, BLUE)?,
-        part(Shape::Ring { inner_mm: 0.8, outer_mm: 1.5 }, 0.8, PHOSPHOR)?,
+        part(Shape::Ring { center: DVec3::ZERO, inner_mm: 0.8, outer_mm: 1.5 }, 0.8, PHOSPHOR)?,
     ];
     let told =
         "A blue Lambertian chip of 1 x 1 mm in z = 0, 0.6 W, in a phosphor ring from radius 0.8 to 1.5 mm, 0.8 W.";
@@ -121,4 +135,55 @@ fn boxed_chip() -> Option<KnownSource> {
     let source = KnownSource::new("boxed-chip", told, vec![part(shape, 1.0, GREEN)?]);
     let start = Bounds { min: DVec3::new(-3.0, -3.0, -0.5), max: DVec3::new(3.0, 3.0, 0.02) };
     Some(KnownSource { start: Some(start), ..source })
+}
+
+fn lit_sides() -> Option<KnownSource> {
+    const HEIGHT_MM: f64 = 0.3;
+    let side = |x: f64, y: f64| {
+        let outward = DVec3::new(x, y, 0.0);
+        let half_v = 0.5 * HEIGHT_MM * DVec3::Z;
+        // half_u × half_v looks outward.
+        let shape = Shape::Rectangle { center: 0.5 * outward + half_v, half_u: 0.5 * DVec3::Z.cross(outward), half_v };
+        part(shape, 0.08, BLUE)
+    };
+    let top = Shape::Rectangle { center: HEIGHT_MM * DVec3::Z, half_u: 0.5 * DVec3::X, half_v: 0.5 * DVec3::Y };
+    let parts = vec![part(top, 0.68, BLUE)?, side(1.0, 0.0)?, side(-1.0, 0.0)?, side(0.0, 1.0)?, side(0.0, -1.0)?];
+    let told = "A blue chip of 1 x 1 x 0.3 mm, Lambertian on its top, 0.68 W, and on its four sides, 0.08 W each.";
+    Some(KnownSource::new("lit-sides", told, parts))
+}
+
+fn opaque_ball() -> Option<KnownSource> {
+    let shape = Shape::Ball { radius_mm: 0.5, absorption_per_mm: f64::INFINITY };
+    let told = "An opaque Lambertian ball of radius 0.5 mm, 1 W.";
+    Some(KnownSource::new("opaque-ball", told, vec![part(shape, 1.0, PHOSPHOR)?]))
+}
+
+fn absorbing_ball() -> Option<KnownSource> {
+    let shape = Shape::Ball { radius_mm: 0.5, absorption_per_mm: 4.0 };
+    let told = "A ball of radius 0.5 mm that glows evenly in its volume and absorbs its own light, 4 per mm, 1 W: neither a clear volume                 nor a Lambertian surface.";
+    Some(KnownSource::new("absorbing-ball", told, vec![part(shape, 1.0, PHOSPHOR)?]))
+}
+
+fn aspheric_dome() -> Option<KnownSource> {
+    let told = "A disc chip of radius 0.5 mm under an aspheric lens, half of an ellipsoid of half axes 1.4 and 1.7 mm and index 1.5; rays start                 on the lens, 1 W.";
+    Some(KnownSource::new("aspheric-dome", told, vec![part(Shape::AsphericDome, 1.0, GREEN)?]))
+}
+
+fn beside_ring() -> Option<KnownSource> {
+    let ring = Shape::Ring { center: DVec3::new(0.3, 0.2, 0.0), inner_mm: 0.8, outer_mm: 1.5 };
+    let parts = vec![part(chip(0.0, 0.0, 0.6, 0.6), 0.6, BLUE)?, part(ring, 0.8, PHOSPHOR)?];
+    let told = "A blue Lambertian chip of 0.6 x 0.6 mm in z = 0, 0.6 W, in a phosphor ring from radius 0.8 to 1.5 mm about (0.3, 0.2) mm, 0.8 W.";
+    Some(KnownSource::new("beside-ring", told, parts))
+}
+
+fn narrow_beam() -> Option<KnownSource> {
+    let shape = Shape::Lobe { half_mm: 0.5, toward: DVec3::Z, power: 182.0 };
+    let told = "A chip of 1 x 1 mm in z = 0 with a beam 10 degrees wide at half maximum, 1 W.";
+    Some(KnownSource::new("narrow-beam", told, vec![part(shape, 1.0, RED)?]))
+}
+
+fn collimated() -> Option<KnownSource> {
+    let shape = Shape::Lobe { half_mm: 5.0, toward: DVec3::Z, power: 18_200.0 };
+    let told = "A square of 10 x 10 mm in z = 0 with a beam 1 degree wide at half maximum, 1 W.";
+    Some(KnownSource::new("collimated", told, vec![part(shape, 1.0, RED)?]))
 }

@@ -6,6 +6,8 @@
 
 /// Glowing shapes: what is drawn from them and what is true of them.
 pub mod shape;
+/// A chip under an aspheric lens.
+mod aspheric;
 /// Spectra to draw wavelengths from.
 pub mod glow;
 /// The sources by name.

@@ -1,5 +1,6 @@
 //! Glowing shapes: what is drawn from them and what is true of them, per watt. Frame: the part's own, looking along +Z.
 
+use super::aspheric;
 use crate::vocabulary::space::Bounds;
 use glam::{DMat3, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -19,8 +20,10 @@ pub enum Shape {
         /// Half of the other edge, mm; at right angles to the first.
         half_v: DVec3,
     },
-    /// A flat Lambertian ring about the z axis in z = 0, glowing towards +Z.
+    /// A flat Lambertian ring in z = 0, glowing towards +Z.
     Ring {
+        /// Middle, mm.
+        center: DVec3,
         /// Inner radius, mm.
         inner_mm: f64,
         /// Outer radius, mm.
@@ -36,6 +39,17 @@ pub enum Shape {
         radius_mm: f64,
         /// sin α.
         sin_cone: f64,
+    },
+    /// A disc chip under an aspheric lens; [`aspheric`] has its size.
+    AsphericDome,
+    /// A ball about the origin that glows evenly in its volume, into all directions, and absorbs its own light: what leaves along a chord of
+    /// length l has the radiance (1 − exp(−absorption·l)) × that of an opaque ball of the same glow. Of infinite absorption it is a
+    /// Lambertian ball. Rays start where they were emitted.
+    Ball {
+        /// Radius, mm.
+        radius_mm: f64,
+        /// Absorption coefficient, 1/mm.
+        absorption_per_mm: f64,
     },
     /// A cylinder about the z axis whose clear volume glows evenly and equally into all directions.
     Cylinder {
@@ -60,8 +74,10 @@ impl Shape {
     pub fn area_mm2(&self) -> f64 {
         match *self {
             Shape::Rectangle { half_u, half_v, .. } => 4.0 * half_u.length() * half_v.length(),
-            Shape::Ring { inner_mm, outer_mm } => PI * (outer_mm * outer_mm - inner_mm * inner_mm),
+            Shape::Ring { inner_mm, outer_mm, .. } => PI * (outer_mm * outer_mm - inner_mm * inner_mm),
             Shape::Dome { radius_mm, .. } => TAU * radius_mm * radius_mm,
+            Shape::AsphericDome => aspheric::area_mm2(),
+            Shape::Ball { radius_mm, .. } => 4.0 * PI * radius_mm * radius_mm,
             Shape::Cylinder { radius_mm, height_mm } => TAU * radius_mm * (radius_mm + height_mm),
             Shape::Lobe { half_mm, .. } => 4.0 * half_mm * half_mm,
         }
@@ -74,7 +90,11 @@ impl Shape {
                 let reach = half_u.abs() + half_v.abs();
                 Bounds { min: center - reach, max: center + reach }
             }
-            Shape::Ring { outer_mm: r, .. } => Bounds { min: DVec3::new(-r, -r, 0.0), max: DVec3::new(r, r, 0.0) },
+            Shape::Ring { center, outer_mm: r, .. } => {
+                Bounds { min: center - DVec3::new(r, r, 0.0), max: center + DVec3::new(r, r, 0.0) }
+            }
+            Shape::AsphericDome => aspheric::bounds_mm(),
+            Shape::Ball { radius_mm: r, .. } => Bounds { min: DVec3::splat(-r), max: DVec3::splat(r) },
             Shape::Dome { radius_mm: r, .. } => Bounds { min: DVec3::new(-r, -r, 0.0), max: DVec3::splat(r) },
             Shape::Cylinder { radius_mm: r, height_mm } => {
                 Bounds { min: DVec3::new(-r, -r, 0.0), max: DVec3::new(r, r, height_mm) }
@@ -90,9 +110,20 @@ impl Shape {
                 let origin = center + (2.0 * a - 1.0) * half_u + (2.0 * b - 1.0) * half_v;
                 (origin, around(half_u.cross(half_v).normalize()) * cone(1.0, c, d))
             }
-            Shape::Ring { inner_mm, outer_mm } => {
+            Shape::Ring { center, inner_mm, outer_mm } => {
                 let radius = (inner_mm * inner_mm + a * (outer_mm * outer_mm - inner_mm * inner_mm)).sqrt();
-                (polar(radius, b, 0.0), cone(1.0, c, d))
+                (center + polar(radius, b, 0.0), cone(1.0, c, d))
+            }
+            Shape::AsphericDome => {
+                aspheric::refracted(polar(aspheric::CHIP_MM * a.sqrt(), b, 0.0), cone(1.0, c, d))
+            }
+            Shape::Ball { radius_mm, absorption_per_mm } => {
+                let normal = polar((4.0 * a * (1.0 - a)).sqrt(), b, 2.0 * a - 1.0);
+                let thickness = 2.0 * radius_mm * absorption_per_mm;
+                let cosine = exit_cosine(thickness, c);
+                let direction = around(normal) * polar((1.0 - cosine * cosine).sqrt(), d, cosine);
+                let depth_mm = -(1.0 - e * absorbed(thickness * cosine)).ln() / absorption_per_mm;
+                (radius_mm * normal - depth_mm * direction, direction)
             }
             Shape::Dome { radius_mm, sin_cone } => {
                 // Archimedes: on a sphere height is uniform.
@@ -117,7 +148,8 @@ impl Shape {
             Shape::Rectangle { half_u, half_v, .. } => direction.dot(half_u.cross(half_v).normalize()).max(0.0) / PI,
             Shape::Ring { .. } => direction.z.max(0.0) / PI,
             Shape::Dome { sin_cone, .. } => dome_disc(direction.z, sin_cone) / (TAU * PI * sin_cone * sin_cone),
-            Shape::Cylinder { .. } => 1.0 / (4.0 * PI),
+            Shape::AsphericDome => aspheric::intensity_per_sr(direction),
+            Shape::Ball { .. } | Shape::Cylinder { .. } => 1.0 / (4.0 * PI),
             Shape::Lobe { toward, power, .. } => (power + 1.0) / TAU * direction.dot(toward).max(0.0).powf(power),
         }
     }
@@ -132,8 +164,8 @@ impl Shape {
                 let inside = |half: DVec3| hit.dot(half).abs() <= half.length_squared();
                 if across > 0.0 && inside(half_u) && inside(half_v) { 1.0 / (PI * self.area_mm2()) } else { 0.0 }
             }
-            Shape::Ring { inner_mm, outer_mm } => {
-                let hit = point - direction * (point.z / direction.z);
+            Shape::Ring { center, inner_mm, outer_mm } => {
+                let hit = point - direction * (point.z / direction.z) - center;
                 let radius = hit.x.hypot(hit.y);
                 let lit = direction.z > 0.0 && radius >= inner_mm && radius <= outer_mm;
                 if lit { 1.0 / (PI * self.area_mm2()) } else { 0.0 }
@@ -144,6 +176,16 @@ impl Shape {
                 let exit = foot + direction * left.max(0.0).sqrt();
                 let lit = exit.z >= 0.0 && foot.length() <= radius_mm * sin_cone;
                 if lit { 1.0 / (self.area_mm2() * PI * sin_cone * sin_cone) } else { 0.0 }
+            }
+            Shape::AsphericDome => aspheric::radiance_per_mm2_sr(point, direction),
+            Shape::Ball { radius_mm, absorption_per_mm } => {
+                let foot = point - direction * point.dot(direction);
+                let cosine = (1.0 - foot.length_squared() / (radius_mm * radius_mm)).max(0.0).sqrt();
+                let thickness = 2.0 * radius_mm * absorption_per_mm;
+                if cosine == 0.0 {
+                    return 0.0;
+                }
+                absorbed(thickness * cosine) / (self.area_mm2() * TAU * exit_flux(thickness, 1.0))
             }
             Shape::Cylinder { radius_mm, height_mm } => {
                 chord_mm(radius_mm, height_mm, point, direction) / (4.0 * PI * PI * radius_mm * radius_mm * height_mm)
@@ -156,7 +198,7 @@ impl Shape {
         }
     }
 
-    /// Exitance per watt at a point, 1/mm²: 0 off the surface; `None` for the cylinder, whose surface is lit unevenly.
+    /// Exitance per watt at a point, 1/mm²: 0 off the surface; `None` where the surface is lit unevenly or rays start below it.
     pub fn exitance_per_mm2(&self, point: DVec3) -> Option<f64> {
         let on = match *self {
             Shape::Rectangle { center, half_u, half_v } => {
@@ -164,11 +206,15 @@ impl Shape {
                 let inside = |half: DVec3| from.dot(half).abs() <= half.length_squared() + ON_SURFACE_MM;
                 inside(half_u) && inside(half_v) && from.dot(half_u.cross(half_v).normalize()).abs() <= ON_SURFACE_MM
             }
-            Shape::Ring { inner_mm, outer_mm } => {
-                point.z.abs() <= ON_SURFACE_MM && (inner_mm..=outer_mm).contains(&point.x.hypot(point.y))
+            Shape::Ring { center, inner_mm, outer_mm } => {
+                let from = point - center;
+                from.z.abs() <= ON_SURFACE_MM && (inner_mm..=outer_mm).contains(&from.x.hypot(from.y))
+            }
+            Shape::Ball { radius_mm, absorption_per_mm } if absorption_per_mm.is_infinite() => {
+                (point.length() - radius_mm).abs() <= ON_SURFACE_MM
             }
             Shape::Dome { radius_mm, .. } => point.z >= 0.0 && (point.length() - radius_mm).abs() <= ON_SURFACE_MM,
-            Shape::Cylinder { .. } => return None,
+            Shape::AsphericDome | Shape::Ball { .. } | Shape::Cylinder { .. } => return None,
             Shape::Lobe { half_mm, .. } => {
                 point.z.abs() <= ON_SURFACE_MM && point.x.abs().max(point.y.abs()) <= half_mm + ON_SURFACE_MM
             }
@@ -195,7 +241,11 @@ impl Shape {
                 let across = [0, 1].iter().all(|k| region.min[*k] <= own.min[*k] && region.max[*k] >= own.max[*k]);
                 across.then(|| (region.max.z.min(height_mm) - region.min.z.max(0.0)).max(0.0) / height_mm)
             }
-            Shape::Ring { .. } | Shape::Dome { .. } | Shape::Lobe { .. } => None,
+            Shape::Ring { .. }
+            | Shape::Dome { .. }
+            | Shape::AsphericDome
+            | Shape::Ball { .. }
+            | Shape::Lobe { .. } => None,
         }
     }
 }
@@ -216,6 +266,28 @@ fn cone(sin_cone: f64, a: f64, b: f64) -> DVec3 {
 fn around(normal: DVec3) -> DMat3 {
     let (x, y) = normal.any_orthonormal_pair();
     DMat3::from_cols(x, y, normal)
+}
+
+/// Part of what glows along a path that is absorbed on it: 1 − exp(−thickness).
+fn absorbed(thickness: f64) -> f64 {
+    -(-thickness).exp_m1()
+}
+
+/// ∫ (1 − exp(−thickness·c)) c dc from 0 to `cosine`: what leaves an absorbing ball below that cosine to its normal.
+fn exit_flux(thickness: f64, cosine: f64) -> f64 {
+    let along = thickness * cosine;
+    let inside = if thickness.is_infinite() { 0.0 } else { (1.0 - (-along).exp() * (1.0 + along)) / thickness.powi(2) };
+    0.5 * cosine * cosine - inside
+}
+
+/// The cosine to the normal below which the share `u` of the light of an absorbing ball leaves it, by halving.
+fn exit_cosine(thickness: f64, u: f64) -> f64 {
+    let goal = u * exit_flux(thickness, 1.0);
+    let halve = |[low, high]: [f64; 2]| {
+        let middle = 0.5 * (low + high);
+        if exit_flux(thickness, middle) < goal { [middle, high] } else { [low, middle] }
+    };
+    (0..48).fold([0.0, 1.0], |range, _| halve(range))[1]
 }
 
 /// Area, in squared lens radii, of the light disc of a dome seen at the cosine `z` from its axis: a disc of radius sin α, cut by
