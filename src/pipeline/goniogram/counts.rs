@@ -28,7 +28,13 @@ impl Counts {
     ///
     /// # Errors
     /// `flux.too_large` above [`Limits::max_tally_values`].
-    pub fn new(quanta: &Quanta, grids: Grids, zones: usize, spectrum: &Spectral, limits: &Limits) -> Result<Counts, Error> {
+    pub fn new(
+        quanta: &Quanta,
+        grids: Grids,
+        zones: usize,
+        spectrum: &Spectral,
+        limits: &Limits,
+    ) -> Result<Counts, Error> {
         let fine = Tally::new(quanta, zones * grids.fine.cell_count(), false, limits)?;
         let spectral = (spectrum.column_count() > 0)
             .then(|| Tally::new(quanta, zones * grids.spectral.cell_count(), true, limits))

@@ -4,6 +4,7 @@ use super::beam::{Beam, NarrowBeam};
 use super::mixture::Shares;
 use super::smoothing::{Directions, Estimates, add, add_up};
 use super::sphere::SphereGrid;
+use super::zone::Ancestry;
 use crate::flux::Amounts;
 use crate::options::GoniogramOptions;
 use crate::rays::direction_cube::DirectionCube;
@@ -154,12 +155,18 @@ impl Grids {
     }
 
     /// The primary flux of the zones, smoothed: of outward `normals` of each zone's surface in the photometric frame, with weights that
-    /// sum to 1, and of `kinds`. `ray`: what a typical ray carries.
-    pub fn estimates(&self, zones: &[Measured], normals: &[Vec<(DVec3, f64)>], kinds: &[u32], ray: &Flux) -> Estimates {
+    /// sum to 1, and of a `family`. `ray`: what a typical ray carries.
+    pub fn estimates(
+        &self,
+        zones: &[Measured],
+        normals: &[Vec<(DVec3, f64)>],
+        family: &[Ancestry],
+        ray: &Flux,
+    ) -> Estimates {
         let directions = Directions::new(&self.fine);
         let projected_sr = directions.projected_sr(normals);
         let counted: Vec<&[f64]> = zones.iter().map(|zone| zone.fine.primary()).collect();
-        directions.zones(&counted, &projected_sr, kinds, ray.primary())
+        directions.zones(&counted, &projected_sr, family, ray.primary())
     }
 
     /// Every quantity smoothed, from the primary flux that is `refined` at each zone's own vertices, and handed to the zones of their

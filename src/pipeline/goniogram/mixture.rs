@@ -1,5 +1,6 @@
 //! Which zones a vertex has, and how much of each: so that the light changes gradually from zone to zone.
 
+use super::zone::Ancestry;
 use crate::hull::Hull;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -59,12 +60,12 @@ impl Mixture {
 }
 
 /// The mixture of each vertex, of zones of its own zone's kind; `middles_mm` of the zones.
-pub fn blend(hull: &Hull, middles_mm: &[DVec3], zone_of_vertex: &[u32], kind_of_zone: &[u32]) -> Vec<Mixture> {
-    let count = kind_of_zone.iter().max().map_or(0, |last| *last as usize + 1);
+pub fn blend(hull: &Hull, middles_mm: &[DVec3], zone_of_vertex: &[u32], family: &[Ancestry]) -> Vec<Mixture> {
+    let count = family.iter().map(|zone| zone.kind as usize + 1).max().unwrap_or(0);
     let mut middles: Vec<Vec<(u32, DVec3)>> = vec![Vec::new(); count];
-    let numbered = (0..).zip(middles_mm).zip(kind_of_zone);
-    numbered.for_each(|((id, middle_mm), kind)| middles[*kind as usize].push((id, *middle_mm)));
-    let of = |(vertex, zone): (&DVec3, &u32)| Mixture::near(*vertex, &middles[kind_of_zone[*zone as usize] as usize]);
+    let numbered = (0..).zip(middles_mm).zip(family);
+    numbered.for_each(|((id, middle_mm), zone)| middles[zone.kind as usize].push((id, *middle_mm)));
+    let of = |(vertex, zone): (&DVec3, &u32)| Mixture::near(*vertex, &middles[family[*zone as usize].kind as usize]);
     hull.vertices_mm.iter().zip(zone_of_vertex).map(of).collect()
 }
 

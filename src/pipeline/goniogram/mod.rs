@@ -38,8 +38,8 @@ use crate::vocabulary::notice::Notices;
 use crate::vocabulary::space::Frame;
 use crate::vocabulary::watch::StageWatch;
 use beam::NarrowBeam;
-use glam::DVec3;
 use counts::Counts;
+use glam::DVec3;
 use intensity::{Grids, Measured};
 use mixture::Shares;
 use zone::Zoning;
@@ -153,7 +153,7 @@ impl Adding<'_> {
         let zones = self.hull.triangles[landing.triangle].map(|vertex| zoning.zone_of_vertex[vertex as usize]);
         self.zones.add(zones, landing.shares, [c, gamma], deposit);
         if let Some(kinds) = &mut self.kinds {
-            kinds.add(zones.map(|zone| zoning.kind_of_zone[zone as usize]), landing.shares, [c, gamma], deposit);
+            kinds.add(zones.map(|zone| zoning.family[zone as usize].kind), landing.shares, [c, gamma], deposit);
         }
     }
 }
@@ -185,7 +185,7 @@ impl Plan {
         let mut noise = None;
         if options.smooths() {
             let estimates = |grids: &Grids, measured: &[Measured], zoning: &Zoning| {
-                grids.estimates(measured, &zoning.normals(hull, surface), &zoning.kind_of_zone, &surface.ray)
+                grids.estimates(measured, &zoning.normals(hull, surface), &zoning.family, &surface.ray)
             };
             let mut found = estimates(&grids, &measured, &zoning);
             watch.step(0.5)?;
@@ -199,7 +199,7 @@ impl Plan {
                     }
                     None => {
                         measured = intensity::merged(measured, &zone_of_zone);
-                        found.merge(&zone_of_zone, &zoning.kind_of_zone);
+                        found.merge(&zone_of_zone, &zoning.family);
                     }
                 }
             }

@@ -1,9 +1,11 @@
 //! From counts to angular distributions: the whole source's from a prior of even radiance, each zone's from the whole's radiance.
 
 use super::sphere::SphereGrid;
+use super::zone::Ancestry;
 use crate::smoothing::{Edge, Levels, Refined, Sharing, refine};
 use glam::DVec3;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 
 /// Part of a prior that is the counts themselves, blurred: no direction that light was seen in is dark beforehand.
@@ -12,6 +14,8 @@ const SEEN: f64 = 1e-3;
 const GRAZING: f64 = 1e-3;
 /// Part of the flux that zones of a kind may send elsewhere than the kind does while they count as alike.
 const EVEN: f64 = 0.05;
+/// How often a group of zones was halved into those that are estimated from it.
+const HALVINGS: u32 = 2;
 /// Rounds of proportional fitting, after which zones add up to the whole.
 const ROUNDS: usize = 4;
 
@@ -129,28 +133,57 @@ impl<'a> Directions<'a> {
         refined
     }
 
-    /// The primary flux of each zone per cell, smoothed: the whole source first, then zones of one kind together, then each.
-    /// `counted` and `projected_sr` per zone.
-    pub fn zones(&self, counted: &[&[f64]], projected_sr: &[Vec<f64>], kinds: &[u32], ray: f64) -> Estimates {
+    /// The primary flux of each zone per cell, smoothed: the whole source first, then zones of one kind together, then ever smaller groups
+    /// of them, then each. `counted` and `projected_sr` per zone.
+    pub fn zones(&self, counted: &[&[f64]], projected_sr: &[Vec<f64>], family: &[Ancestry], ray: f64) -> Estimates {
         let own = |zone: usize| Light { counted: counted[zone].to_vec(), even: projected_sr[zone].clone() };
         let zones: Vec<Light> = (0..counted.len()).map(own).collect();
-        let members = |kind: u32| zones.iter().zip(kinds).filter(move |(_, of)| **of == kind).map(|(zone, _)| zone);
-        let kind_count = kinds.iter().max().map_or(0, |last| last + 1);
-        let groups: Vec<Light> = (0..kind_count).map(|kind| Light::sum(members(kind))).collect();
+        let kind_count = family.iter().map(|zone| zone.kind + 1).max().unwrap_or(0);
+        let members = |kind: u32| (0..zones.len()).filter(move |zone| family[*zone].kind == kind);
+        let groups: Vec<Light> =
+            (0..kind_count).map(|kind| Light::sum(members(kind).map(|zone| &zones[zone]))).collect();
         let whole = Light::sum(groups.iter());
         let refined = self.estimate(&whole.counted, &self.turned(&whole.counted, &whole.even, ray), ray);
         let of_kinds = self.parted(&whole, &refined, &groups.iter().collect::<Vec<_>>(), ray);
         let mut all: Vec<Refined> = vec![Refined::default(); zones.len()];
         let mut even_kinds = Vec::new();
-        for (kind, (group, refined)) in groups.iter().zip(&of_kinds).enumerate() {
-            let ids: Vec<usize> = (0..zones.len()).filter(|zone| kinds[*zone] as usize == kind).collect();
-            let lights: Vec<&Light> = ids.iter().map(|zone| &zones[*zone]).collect();
-            let parts = self.parted(group, refined, &lights, ray);
-            let moved: f64 = parts.iter().map(|part| difference(&part.amounts, &refined.amounts)).sum();
+        for ((kind, group), refined) in (0..).zip(&groups).zip(&of_kinds) {
+            let ids: Vec<usize> = members(kind).collect();
+            let parts = self.descended(group, refined, &zones, (&ids, family), 0, ray);
+            let moved: f64 = parts.iter().map(|(_, part)| difference(&part.amounts, &refined.amounts)).sum();
             even_kinds.push(moved <= EVEN * group.flux());
-            ids.into_iter().zip(parts).for_each(|(zone, part)| all[zone] = part);
+            parts.into_iter().for_each(|(zone, part)| all[zone] = part);
         }
         Estimates { whole: refined, zones: all, kinds: of_kinds, even_kinds }
+    }
+
+    /// The zones `ids` of a whole, each with its number: groups of them, which were parted from each other last, from the whole's
+    /// radiance, then their zones likewise. `depth`: how often the whole itself was halved.
+    fn descended(
+        &self,
+        whole: &Light,
+        refined: &Refined,
+        zones: &[Light],
+        (ids, family): (&[usize], &[Ancestry]),
+        depth: u32,
+        ray: f64,
+    ) -> Vec<(usize, Refined)> {
+        if let [zone] = ids {
+            return vec![(*zone, refined.clone())];
+        }
+        let mut groups: BTreeMap<(u32, Option<usize>), Vec<usize>> = BTreeMap::new();
+        for zone in ids {
+            // Zones that were never parted, those of a lattice, are groups of their own.
+            let alone = family[*zone].is_whole_at(depth).then_some(*zone);
+            groups.entry((family[*zone].at(depth + HALVINGS), alone)).or_default().push(*zone);
+        }
+        let groups: Vec<(Light, Vec<usize>)> =
+            groups.into_values().map(|ids| (Light::sum(ids.iter().map(|zone| &zones[*zone])), ids)).collect();
+        let parts = self.parted(whole, refined, &groups.iter().map(|(light, _)| light).collect::<Vec<_>>(), ray);
+        let descended = |((light, ids), part): (&(Light, Vec<usize>), &Refined)| {
+            self.descended(light, part, zones, (ids, family), depth + HALVINGS, ray)
+        };
+        groups.par_iter().zip(&parts).flat_map_iter(descended).collect()
     }
 
     /// The parts of a whole, each from the whole's radiance, so that they add up to it.
@@ -192,18 +225,18 @@ pub struct Estimates {
 }
 
 impl Estimates {
-    /// What was found of zones of even kinds gives way to what was found of their kind; `zone_of_zone` and `kind_of_zone` as
+    /// What was found of zones of even kinds gives way to what was found of their kind; `zone_of_zone` and `family` as
     /// [`super::zone::Zoning::merge`] leaves them.
-    pub fn merge(&mut self, zone_of_zone: &[u32], kind_of_zone: &[u32]) {
-        let merged = |(zone, kind): (usize, &u32)| {
-            let kind = *kind as usize;
+    pub fn merge(&mut self, zone_of_zone: &[u32], family: &[Ancestry]) {
+        let merged = |(zone, ancestry): (usize, &Ancestry)| {
+            let kind = ancestry.kind as usize;
             if self.even_kinds[kind] {
                 return std::mem::take(&mut self.kinds[kind]);
             }
             let own = zone_of_zone.iter().position(|new| *new as usize == zone);
             own.map(|own| std::mem::take(&mut self.zones[own])).unwrap_or_default()
         };
-        self.zones = kind_of_zone.iter().enumerate().map(merged).collect();
+        self.zones = family.iter().enumerate().map(merged).collect();
     }
 }
 

@@ -105,8 +105,41 @@ const RAYS_PER_ZONE: f64 = 400.0;
 /// Vertices that such a zone has at least.
 const VERTICES_PER_ZONE: usize = 4;
 
+/// Parts with this number and higher ones are not halved.
+const MOST_PARTS: u32 = 1 << 24;
+
 /// Normals are told apart in steps of one in so many, 4 degrees.
 const NORMAL_STEPS: f64 = 16.0;
+
+/// Where a zone comes from: zones of one kind are alike, and parts of a kind that were halved again and again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ancestry {
+    /// The kind.
+    pub kind: u32,
+    /// Number of the part in the tree of halves: 1 the kind, then 2n and 2n + 1 the halves of part n.
+    part: u32,
+}
+
+impl Ancestry {
+    /// A kind as one zone.
+    pub fn whole(kind: u32) -> Ancestry {
+        Ancestry { kind, part: 1 }
+    }
+
+    /// Number of the part that the zone was in when its kind had been halved `depth` times.
+    pub fn at(self, depth: u32) -> u32 {
+        self.part >> self.part.ilog2().saturating_sub(depth)
+    }
+
+    /// Whether the zone was a whole part when its kind had been halved `depth` times.
+    pub fn is_whole_at(self, depth: u32) -> bool {
+        self.part.ilog2() <= depth
+    }
+
+    fn halves(self) -> [Ancestry; 2] {
+        [2 * self.part, 2 * self.part + 1].map(|part| Ancestry { part, ..self })
+    }
+}
 
 /// What belongs where, before any goniogram.
 pub struct Zoning {
@@ -118,8 +151,8 @@ pub struct Zoning {
     pub zones: Vec<Zone>,
     /// Zone id of each vertex.
     pub zone_of_vertex: Vec<u32>,
-    /// Kind of each zone: zones of one kind are alike.
-    pub kind_of_zone: Vec<u32>,
+    /// Where each zone comes from.
+    pub family: Vec<Ancestry>,
     /// Zones and weights of each vertex.
     pub mixtures: Vec<Mixture>,
 }
@@ -129,14 +162,18 @@ impl Zoning {
     /// rays are as long as there is room for zones and there are rays for them.
     pub fn along(hull: &Hull, surface: &Surface, frame: Frame, most: usize) -> Zoning {
         let (kind_of_vertex, kinds) = kinds(hull, &surface.vertices);
-        let mut leaves: Vec<Leaf> = (0..kinds as u32).map(|kind| Leaf::new(kind, Vec::new(), surface)).collect();
+        let mut leaves: Vec<Leaf> =
+            (0..kinds as u32).map(|kind| Leaf::new(Ancestry::whole(kind), Vec::new(), surface)).collect();
         for (vertex, kind) in kind_of_vertex.iter().enumerate() {
             leaves[*kind as usize].vertices.push(vertex);
         }
         let mut leaves: Vec<Leaf> =
-            leaves.into_iter().map(|leaf| Leaf::new(leaf.kind, leaf.vertices, surface)).collect();
+            leaves.into_iter().map(|leaf| Leaf::new(leaf.ancestry, leaf.vertices, surface)).collect();
         while leaves.len() < most {
-            let splits = |leaf: &Leaf| leaf.rays >= 2.0 * RAYS_PER_ZONE && leaf.vertices.len() >= 2 * VERTICES_PER_ZONE;
+            let splits = |leaf: &Leaf| {
+                let has_room = leaf.vertices.len() >= 2 * VERTICES_PER_ZONE && leaf.ancestry.part < MOST_PARTS;
+                leaf.rays >= 2.0 * RAYS_PER_ZONE && has_room
+            };
             let fullest = (0..leaves.len())
                 .filter(|k| splits(&leaves[*k]))
                 .max_by(|a, b| leaves[*a].rays.total_cmp(&leaves[*b].rays).then(b.cmp(a)));
@@ -144,38 +181,40 @@ impl Zoning {
             let half = leaves[fullest].halve(hull, surface);
             leaves.push(half);
         }
-        leaves.sort_by_key(|leaf| (leaf.kind, leaf.vertices[0]));
+        leaves.sort_by_key(|leaf| (leaf.ancestry.kind, leaf.vertices[0]));
         let mut zone_of_vertex = vec![0; hull.vertices_mm.len()];
         for (id, leaf) in leaves.iter().enumerate() {
             leaf.vertices.iter().for_each(|vertex| zone_of_vertex[*vertex] = id as u32);
         }
         let mut zones: Vec<Zone> = (0..leaves.len()).map(|id| Zone::empty(id as u32, None)).collect();
         describe(&mut zones, &zone_of_vertex, hull, surface);
-        let kind_of_zone: Vec<u32> = leaves.iter().map(|leaf| leaf.kind).collect();
+        let family: Vec<Ancestry> = leaves.iter().map(|leaf| leaf.ancestry).collect();
         let mixtures = zone_of_vertex.iter().map(|zone| Mixture::hard(*zone)).collect();
-        Zoning { frame, lattice: None, zones, zone_of_vertex, kind_of_zone, mixtures }
+        Zoning { frame, lattice: None, zones, zone_of_vertex, family, mixtures }
     }
 
     /// How many kinds of zones there are.
     pub fn kind_count(&self) -> usize {
-        self.kind_of_zone.iter().max().map_or(0, |last| *last as usize + 1)
+        self.family.iter().map(|zone| zone.kind as usize + 1).max().unwrap_or(0)
     }
 
     /// Makes one zone of all zones of each kind that is `even`. Answers the new zone of each; zones of a kind stay side by side.
     pub fn merge(&mut self, even: &[bool], hull: &Hull, surface: &Surface) -> Vec<u32> {
-        let (mut zone_of_zone, mut kinds): (Vec<u32>, Vec<u32>) = (Vec::new(), Vec::new());
-        for kind in &self.kind_of_zone {
-            if !(even[*kind as usize] && kinds.last() == Some(kind)) {
-                kinds.push(*kind);
+        let (mut zone_of_zone, mut family): (Vec<u32>, Vec<Ancestry>) = (Vec::new(), Vec::new());
+        for zone in &self.family {
+            let is_even = even[zone.kind as usize];
+            let merged = if is_even { Ancestry::whole(zone.kind) } else { *zone };
+            if !(is_even && family.last() == Some(&merged)) {
+                family.push(merged);
             }
-            zone_of_zone.push(kinds.len() as u32 - 1);
+            zone_of_zone.push(family.len() as u32 - 1);
         }
-        self.kind_of_zone = kinds;
+        self.family = family;
         self.zone_of_vertex.iter_mut().for_each(|zone| *zone = zone_of_zone[*zone as usize]);
-        self.zones = (0..self.kind_of_zone.len()).map(|id| Zone::empty(id as u32, None)).collect();
+        self.zones = (0..self.family.len()).map(|id| Zone::empty(id as u32, None)).collect();
         describe(&mut self.zones, &self.zone_of_vertex, hull, surface);
         let middles_mm: Vec<DVec3> = self.zones.iter().map(|zone| zone.centroid_mm).collect();
-        self.mixtures = blend(hull, &middles_mm, &self.zone_of_vertex, &self.kind_of_zone);
+        self.mixtures = blend(hull, &middles_mm, &self.zone_of_vertex, &self.family);
         zone_of_zone
     }
 
@@ -197,9 +236,9 @@ impl Zoning {
         }
         let zone_of_vertex: Vec<u32> = cells.iter().map(|cell| id_of_cell[*cell].unwrap_or(0)).collect();
         describe(&mut zones, &zone_of_vertex, hull, surface);
-        let kind_of_zone = vec![0; zones.len()];
+        let family = vec![Ancestry::whole(0); zones.len()];
         let mixtures = zone_of_vertex.iter().map(|zone| Mixture::hard(*zone)).collect();
-        Zoning { frame, lattice: Some(lattice), zones, zone_of_vertex, kind_of_zone, mixtures }
+        Zoning { frame, lattice: Some(lattice), zones, zone_of_vertex, family, mixtures }
     }
 
     /// Boxes, areas and centroids of the zones, by the light on `surface`.
@@ -230,16 +269,16 @@ impl Zoning {
 
 /// Vertices that become a zone.
 struct Leaf {
-    kind: u32,
+    ancestry: Ancestry,
     /// In ascending order.
     vertices: Vec<usize>,
     rays: f64,
 }
 
 impl Leaf {
-    fn new(kind: u32, vertices: Vec<usize>, surface: &Surface) -> Leaf {
+    fn new(ancestry: Ancestry, vertices: Vec<usize>, surface: &Surface) -> Leaf {
         let rays = vertices.iter().map(|vertex| surface.vertices.rays[*vertex]).sum();
-        Leaf { kind, vertices, rays }
+        Leaf { ancestry, vertices, rays }
     }
 
     /// Parts with the half of the rays that lies farther along the longest side of its box.
@@ -258,8 +297,9 @@ impl Leaf {
         let mut far = sorted.split_off(middle);
         sorted.sort_unstable();
         far.sort_unstable();
-        *self = Leaf::new(self.kind, sorted, surface);
-        Leaf::new(self.kind, far, surface)
+        let [near, other] = self.ancestry.halves();
+        *self = Leaf::new(near, sorted, surface);
+        Leaf::new(other, far, surface)
     }
 }
 

@@ -21,9 +21,8 @@ const LINES: usize = 256;
 const TO_SPHERE: DVec3 = DVec3::new(1.0 / ACROSS_MM, 1.0 / ACROSS_MM, 1.0 / HEIGHT_MM);
 
 /// Intensity per watt, 1/sr, at even steps from the axis.
-static INTENSITY_PER_SR: LazyLock<Vec<f64>> = LazyLock::new(|| {
-    (0..=STEPS).map(|step| integrated_intensity_per_sr(PI * step as f64 / STEPS as f64)).collect()
-});
+static INTENSITY_PER_SR: LazyLock<Vec<f64>> =
+    LazyLock::new(|| (0..=STEPS).map(|step| integrated_intensity_per_sr(PI * step as f64 / STEPS as f64)).collect());
 
 /// Area of the lens, mm²: half of a prolate spheroid.
 pub fn area_mm2() -> f64 {
@@ -66,9 +65,8 @@ fn integrated_intensity_per_sr(theta: f64) -> f64 {
     let (middle_mm, half_mm) = (0.5 * HEIGHT_MM * DVec3::Z, HEIGHT_MM);
     let line_mm = 2.0 * half_mm / LINES as f64;
     let offset_mm = |line: usize| (line as f64 + 0.5) * line_mm;
-    let lines = (0..LINES * LINES / 2).map(|k| {
-        middle_mm + offset_mm(k % (LINES / 2)) * DVec3::Y + (offset_mm(k / (LINES / 2)) - half_mm) * up
-    });
+    let lines = (0..LINES * LINES / 2)
+        .map(|k| middle_mm + offset_mm(k % (LINES / 2)) * DVec3::Y + (offset_mm(k / (LINES / 2)) - half_mm) * up);
     2.0 * line_mm * line_mm * lines.map(|point_mm| radiance_per_mm2_sr(point_mm, direction)).sum::<f64>()
 }
 

@@ -114,9 +114,7 @@ impl Shape {
                 let radius = (inner_mm * inner_mm + a * (outer_mm * outer_mm - inner_mm * inner_mm)).sqrt();
                 (center + polar(radius, b, 0.0), cone(1.0, c, d))
             }
-            Shape::AsphericDome => {
-                aspheric::refracted(polar(aspheric::CHIP_MM * a.sqrt(), b, 0.0), cone(1.0, c, d))
-            }
+            Shape::AsphericDome => aspheric::refracted(polar(aspheric::CHIP_MM * a.sqrt(), b, 0.0), cone(1.0, c, d)),
             Shape::Ball { radius_mm, absorption_per_mm } => {
                 let normal = polar((4.0 * a * (1.0 - a)).sqrt(), b, 2.0 * a - 1.0);
                 let thickness = 2.0 * radius_mm * absorption_per_mm;
@@ -241,11 +239,9 @@ impl Shape {
                 let across = [0, 1].iter().all(|k| region.min[*k] <= own.min[*k] && region.max[*k] >= own.max[*k]);
                 across.then(|| (region.max.z.min(height_mm) - region.min.z.max(0.0)).max(0.0) / height_mm)
             }
-            Shape::Ring { .. }
-            | Shape::Dome { .. }
-            | Shape::AsphericDome
-            | Shape::Ball { .. }
-            | Shape::Lobe { .. } => None,
+            Shape::Ring { .. } | Shape::Dome { .. } | Shape::AsphericDome | Shape::Ball { .. } | Shape::Lobe { .. } => {
+                None
+            }
         }
     }
 }
