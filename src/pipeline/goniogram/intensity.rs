@@ -373,6 +373,9 @@ impl Measured {
         if let Some(radiant) = &mut self.fine.radiant_w {
             *radiant = form;
         }
+        for flux in [&mut self.fine.luminous_lm, &mut self.fine.radiant_w].into_iter().flatten() {
+            *flux = directions.grid().sharpened(flux);
+        }
     }
 
     /// The same flux with the noise of `refined`: that of zones which have one prior does not average out.

@@ -83,6 +83,11 @@ impl<'a> Directions<'a> {
         Directions { grid, levels, rings, solid_angles_sr: grid.cell_solid_angles_sr() }
     }
 
+    /// The grid.
+    pub fn grid(&self) -> &'a SphereGrid {
+        self.grid
+    }
+
     /// Projected solid angles: ∫ max(0, n · ω) dω over each cell, for the normals of each of `zones` (in the photometric frame: γ = 0 at
     /// −z) times their weights; the light of surfaces of radiance 1. sr.
     pub fn projected_sr(&self, zones: &[Vec<(DVec3, f64)>]) -> Vec<Vec<f64>> {

@@ -164,6 +164,46 @@ impl SphereGrid {
         here.sin() * versed + sign * here.cos() * sinc
     }
 
+    /// Flux per cell such that what is interpolated between the nodes has in each cell the mean that `flux` has there; the sum stays, and
+    /// nothing becomes negative. Interpolated as they are, means of cells round off peaks and spread edges: by step²/8 of the second
+    /// derivative. To the same order each cell passes on an eighth of its difference to the neighbour, times the solid angle that they share.
+    pub fn sharpened(&self, flux: &[f64]) -> Vec<f64> {
+        let solid_angles_sr = self.cell_solid_angles_sr();
+        let gain = |&(a, b, shared_sr): &(usize, usize, f64)| {
+            let difference = flux[a] / solid_angles_sr[a] - flux[b] / solid_angles_sr[b];
+            let (to, from) = if difference > 0.0 { (a, b) } else { (b, a) };
+            (to, from, 0.125 * shared_sr * difference.abs())
+        };
+        let gains: Vec<(usize, usize, f64)> = self.neighbours_sr().iter().map(gain).collect();
+        let mut given = vec![0.0; flux.len()];
+        gains.iter().for_each(|(_, from, gain)| given[*from] += gain);
+        let mut sharpened = flux.to_vec();
+        for (to, from, gain) in gains {
+            let possible = if given[from] > flux[from] { gain * flux[from] / given[from] } else { gain };
+            sharpened[to] += possible;
+            sharpened[from] -= possible;
+        }
+        sharpened.into_iter().map(|flux| flux.max(0.0)).collect()
+    }
+
+    /// Pairs of neighbouring cells and the solid angle that spans from node to node, as wide as a cell.
+    fn neighbours_sr(&self) -> Vec<(usize, usize, f64)> {
+        let width = TAU / self.c_count as f64;
+        let per_plane_sr = self.plane_solid_angles_sr();
+        let mut pairs = Vec::new();
+        for k in 1..self.gamma.len() {
+            let (from, to) = (self.gamma[k - 1], self.gamma[k]);
+            let across_sr = width * (to - from) * (0.5 * (from + to)).sin();
+            pairs.extend((0..self.c_count).map(|c| (self.cell_of_node(c, k - 1), self.cell_of_node(c, k), across_sr)));
+        }
+        for k in (1..self.gamma.len() - 1).filter(|_| self.c_count > 1) {
+            let next =
+                |c: usize| (self.cell_of_node(c, k), self.cell_of_node((c + 1) % self.c_count, k), per_plane_sr[k]);
+            pairs.extend((0..self.c_count).map(next));
+        }
+        pairs
+    }
+
     /// `∫ interpolate dΩ` of `[c][gamma]` values.
     pub fn integral(&self, nodes: &[f64]) -> f64 {
         let weights = self.interpolation_weights_sr();
