@@ -3,7 +3,7 @@
 use super::Amounts;
 use crate::error::Error;
 use crate::hull::Hull;
-use crate::smoothing::{Edge, Levels, Sharing, refine};
+use crate::smoothing::{Edge, Levels, Sharing, WINDOW, refine};
 use crate::source::Spectral;
 use crate::vocabulary::units::Flux;
 use crate::vocabulary::watch::StageWatch;
@@ -103,7 +103,7 @@ fn levels(hull: &Hull) -> Levels {
     let kinds: Vec<u32> =
         hull.vertex_normals().iter().zip(&hull.face_of_vertex).map(|(n, face)| 6 * face + facing(*n)).collect();
     let edges: Vec<Edge> = edges.into_iter().map(|(a, b)| (a, b, 1.0)).collect();
-    Levels::new(&hull.vertices_mm, &kinds, &edges, spacing, Sharing::ThreeCorners)
+    Levels::new(&hull.vertices_mm, &kinds, &edges, spacing, Sharing::ThreeCorners, WINDOW)
 }
 
 /// Which face of a cube a normal belongs to, 0 to 5.

@@ -217,10 +217,14 @@ impl Grids {
         let solid_angles_sr = self.spectral.cell_solid_angles_sr();
         let at = |((c, gamma), sr): ((f64, f64), f64)| self.fine.interpolate(&nodes, c, gamma) * sr;
         let form: Vec<f64> = self.spectral.cell_nodes().into_iter().zip(solid_angles_sr).map(at).collect();
+        let expected = coarse.fluxes(|direction| {
+            let gamma = (-direction.z).clamp(-1.0, 1.0).acos();
+            self.fine.interpolate(&nodes, direction.y.atan2(direction.x), gamma)
+        });
         let (totals, lit) = (zone.spectral.column_totals(), zone.spectral.lit_columns());
         let smooth = |column: &usize| -> Vec<f64> {
             let counted = zone.spectral.column(*column);
-            if lit.len() == 1 { counted } else { coarse.like(&counted, &form, ray) }
+            if lit.len() == 1 { counted } else { coarse.like(&counted, &expected, ray) }
         };
         let mut columns: Vec<Vec<f64>> = lit.iter().map(smooth).collect();
         for cell in 0..form.len() {

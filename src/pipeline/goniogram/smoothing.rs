@@ -2,7 +2,7 @@
 
 use super::sphere::SphereGrid;
 use super::zone::Ancestry;
-use crate::smoothing::{Edge, Levels, Refined, Sharing, refine};
+use crate::smoothing::{Edge, Levels, Refined, Sharing, WIDE_WINDOW, refine};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -26,6 +26,8 @@ pub struct Directions<'a> {
     /// The rings of cells of one γ.
     rings: Levels,
     solid_angles_sr: Vec<f64>,
+    /// Directions spread over each cell, and the solid angle that each stands for.
+    samples: Vec<Vec<(DVec3, f64)>>,
 }
 
 /// Directions along each side of a cell at which what is not linear in it is looked at.
@@ -76,11 +78,11 @@ impl<'a> Directions<'a> {
             }
         }
         let spacing = (4.0 * PI / points.len() as f64).sqrt();
-        let levels = Levels::new(&points, &vec![0; points.len()], &edges, spacing, Sharing::None);
+        let levels = Levels::new(&points, &vec![0; points.len()], &edges, spacing, Sharing::None, WIDE_WINDOW);
         let gammas: Vec<DVec3> = (0..=last).map(|k| DVec3::new(0.0, 0.0, k as f64 * dg)).collect();
         let steps: Vec<Edge> = (0..last as u32).map(|k| (k, k + 1, ((f64::from(k) + 0.5) * dg).sin())).collect();
-        let rings = Levels::new(&gammas, &vec![0; last + 1], &steps, dg, Sharing::None);
-        Directions { grid, levels, rings, solid_angles_sr: grid.cell_solid_angles_sr() }
+        let rings = Levels::new(&gammas, &vec![0; last + 1], &steps, dg, Sharing::None, WIDE_WINDOW);
+        Directions { grid, levels, rings, solid_angles_sr: grid.cell_solid_angles_sr(), samples: samples(grid) }
     }
 
     /// The grid.
@@ -91,12 +93,17 @@ impl<'a> Directions<'a> {
     /// Projected solid angles: ∫ max(0, n · ω) dω over each cell, for the normals of each of `zones` (in the photometric frame: γ = 0 at
     /// −z) times their weights; the light of surfaces of radiance 1. sr.
     pub fn projected_sr(&self, zones: &[Vec<(DVec3, f64)>]) -> Vec<Vec<f64>> {
-        let samples = samples(self.grid);
         let of_zone = |normals: &Vec<(DVec3, f64)>| {
             let cosine = |direction: &DVec3| normals.iter().map(|(n, w)| w * n.dot(*direction).max(0.0)).sum::<f64>();
-            samples.iter().map(|cell| cell.iter().map(|(direction, sr)| sr * cosine(direction)).sum()).collect()
+            self.fluxes(cosine)
         };
         zones.par_iter().map(of_zone).collect()
+    }
+
+    /// Flux into each cell of an intensity, given in directions with γ = 0 at −z.
+    pub fn fluxes(&self, intensity: impl Fn(&DVec3) -> f64) -> Vec<f64> {
+        let of_cell = |cell: &Vec<(DVec3, f64)>| cell.iter().map(|(direction, sr)| sr * intensity(direction)).sum();
+        self.samples.iter().map(of_cell).collect()
     }
 
     /// `prior` with the distribution over γ that was counted, smoothed: what a source that is alike all round would send.

@@ -101,7 +101,7 @@ const MOST_BY_DEFAULT: f64 = 16.0;
 /// Rays that a zone of the paper's lattice needs: about 30 per lit cell, where half of 1300 cells are lit.
 const RAYS_PER_LATTICE_ZONE: f64 = 20_000.0;
 /// Rays that a zone that follows the surface needs: with fewer it would hardly differ from the whole.
-const RAYS_PER_ZONE: f64 = 400.0;
+const RAYS_PER_ZONE: f64 = 200.0;
 /// Vertices that such a zone has at least.
 const VERTICES_PER_ZONE: usize = 4;
 

@@ -9,8 +9,6 @@ use std::collections::BTreeMap;
 
 /// Steps of the walk that make one level's smoothing: a standard deviation of 0.7 spacings.
 const STEPS: usize = 2;
-/// Steps of the walk on the next coarser level over which signal and noise are averaged: three times as wide as the smoothing.
-const WINDOW_STEPS: usize = 4;
 /// Standard deviation of the interpolation between clusters, in their spacing: half of it would show them, twice would blur.
 const BLUR: f64 = 0.7;
 /// The coarsest level has at most this many clusters, or is the last that is coarser than the one before.
@@ -138,6 +136,8 @@ pub struct Levels {
     levels: Vec<Level>,
     /// The variance of an unsmoothed amount of level 0, in parts of that of a ray that goes to one site.
     own_noise: f64,
+    /// How many steps the surroundings of a cluster reach.
+    window: usize,
 }
 
 /// One scale of smoothing: a level, smoothed or (the last, on level 0) as counted.
@@ -148,8 +148,16 @@ pub struct Scale {
 }
 
 impl Levels {
-    /// Levels of sites at `points` whose typical distance is `spacing`. Sites whose `kinds` differ share no cluster.
-    pub fn new(points: &[DVec3], kinds: &[u32], edges: &[Edge], spacing: f64, sharing: Sharing) -> Levels {
+    /// Levels of sites at `points` whose typical distance is `spacing`. Sites whose `kinds` differ share no cluster. `window`: steps of the
+    /// walk on the next coarser level over which [`Levels::surroundings`] reach.
+    pub fn new(
+        points: &[DVec3],
+        kinds: &[u32],
+        edges: &[Edge],
+        spacing: f64,
+        sharing: Sharing,
+        window: usize,
+    ) -> Levels {
         let shared = sharing != Sharing::None;
         let own: Vec<u32> = (0..points.len() as u32).collect();
         let mut levels = vec![Level::new(own.clone(), own, points, edges, shared)];
@@ -176,7 +184,7 @@ impl Levels {
             }
             levels.push(coarser);
         }
-        Levels { levels, own_noise: sharing.noise() }
+        Levels { levels, own_noise: sharing.noise(), window }
     }
 
     /// From coarse to fine.
@@ -209,7 +217,7 @@ impl Levels {
     /// Sums of amounts over the surroundings of each cluster.
     pub fn surroundings<const N: usize>(&self, scale: Scale, amounts: Vec<[f64; N]>) -> Vec<[f64; N]> {
         let walk = |level: &Level, amounts: Vec<[f64; N]>| {
-            (0..WINDOW_STEPS).fold(amounts, |amounts, _| level.spread.apply(&amounts))
+            (0..self.window).fold(amounts, |amounts, _| level.spread.apply(&amounts))
         };
         let Some(coarser) = self.levels.get(scale.level + 1) else { return walk(&self.levels[scale.level], amounts) };
         let sums = walk(coarser, sums(&amounts, &coarser.parent, coarser.spread.len()));

@@ -14,6 +14,11 @@ pub use levels::{Edge, Levels, Sharing};
 const CAUTION: f64 = 1.5;
 /// The variance of a scale is at least this part of what it was before what coarser scales took of it.
 const LEAST_NEW_NOISE: f64 = 0.25;
+/// Steps of the walk on the next coarser level over which signal and noise are averaged, where the sites have edges: three times as wide
+/// as the smoothing, so that an edge is seen where it is.
+pub const WINDOW: usize = 4;
+/// The same where they have none, on the sphere of directions: wider, because over few sites noise passes for a signal now and then.
+pub const WIDE_WINDOW: usize = 10;
 /// A part of a ray that stands under every sum, so that dark places have a ratio.
 const FLOOR_RAYS: f64 = 1e-6;
 
@@ -85,7 +90,7 @@ mod tests {
         let right = (0..side * side).filter(|k| k % side + 1 < side).map(|k| (k, k + 1, 1.0));
         let down = (0..side * side).filter(|k| k / side + 1 < side).map(|k| (k, k + side, 1.0));
         let edges: Vec<Edge> = right.chain(down).collect();
-        Levels::new(&points, &vec![0; points.len()], &edges, 1.0, Sharing::None)
+        Levels::new(&points, &vec![0; points.len()], &edges, 1.0, Sharing::None, WINDOW)
     }
 
     /// Numbers that scatter like counts of `mean` rays: ± √mean by a fixed pattern.
@@ -139,10 +144,11 @@ mod tests {
     /// A single site, sites without neighbours, two kinds side by side.
     #[test]
     fn odd_graphs_are_levels_too() {
-        let alone = Levels::new(&[DVec3::ZERO], &[0], &[], 1.0, Sharing::ThreeCorners);
+        let alone = Levels::new(&[DVec3::ZERO], &[0], &[], 1.0, Sharing::ThreeCorners, WINDOW);
         assert_eq!(refine(&alone, &[3.0], &[1.0], 1.0).amounts, [3.0]);
         let points = [DVec3::ZERO, DVec3::X, 5.0 * DVec3::X, 6.0 * DVec3::X];
-        let apart = Levels::new(&points, &[0, 0, 1, 1], &[(0, 1, 1.0), (2, 3, 1.0)], 1.0, Sharing::ThreeCorners);
+        let apart =
+            Levels::new(&points, &[0, 0, 1, 1], &[(0, 1, 1.0), (2, 3, 1.0)], 1.0, Sharing::ThreeCorners, WINDOW);
         let found = refine(&apart, &[900.0, 900.0, 100.0, 100.0], &[1.0; 4], 1.0).amounts;
         assert!(found[0] > 850.0 && found[3] < 150.0, "{found:?}");
     }
