@@ -1,6 +1,7 @@
 //! Random numbers that a seed and the number of a ray give, whatever other rays are drawn; and choices by weights, each in constant time.
 
 use crate::inspection::sample::hash;
+use std::hint::select_unpredictable;
 
 /// The random numbers of one ray: those of SplitMix64 (Steele, Lea, Flood 2014) from a place in its sequence that is itself a hash of the
 /// seed and the ray's number. Of 10⁹ rays, about one pair shares a stretch of numbers, used for different things.
@@ -69,7 +70,8 @@ pub fn pick(table: &[Choice], bits: u64) -> usize {
     let place = u128::from(bits) * table.len() as u128;
     let at = (place >> 64) as usize;
     let Choice { keep, other } = table[at];
-    if ((place >> 32) as u32) < keep { at } else { other as usize }
+    // No processor guesses which.
+    select_unpredictable(((place >> 32) as u32) < keep, at, other as usize)
 }
 
 #[cfg(test)]

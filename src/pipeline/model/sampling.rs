@@ -17,6 +17,8 @@ pub struct Sampler<'a> {
     /// For each zone, or for a volume, the flux into the surroundings of each node; empty where there is none.
     zones: Vec<Vec<Choice>>,
     rings: Vec<Ring>,
+    /// Angle of each C plane, and its sine and cosine.
+    planes: Vec<(f64, (f64, f64))>,
     source_from_photometric: DMat3,
 }
 
@@ -38,6 +40,8 @@ pub struct Drawn {
 /// The light round one node of γ.
 struct Ring {
     gamma: f64,
+    /// Sine and cosine of that.
+    sin_cos: (f64, f64),
     /// The part of it on the side of smaller γ; exactly 0 and 1 at the poles.
     below: f64,
     /// Towards smaller and towards larger γ: signed distance to the next node, and the largest sine on the way.
@@ -78,8 +82,10 @@ impl<'a> Sampler<'a> {
             None => (0..light.zones.len()).map(|at| zone(evaluator.nodes(at))).collect(),
         };
         let rings = (0..light.grid.gamma_nodes()).map(|node| Ring::new(light.grid, node)).collect();
+        let step = TAU / light.grid.c_planes() as f64;
+        let planes = (0..light.grid.c_planes()).map(|plane| plane as f64 * step).map(|c| (c, c.sin_cos())).collect();
         let source_from_photometric = light.frame.source_from_photometric();
-        is_lit.then_some(Sampler { light, corners, cells, zones, rings, source_from_photometric })
+        is_lit.then_some(Sampler { light, corners, cells, zones, rings, planes, source_from_photometric })
     }
 
     /// Ray number `ray` of the rays of `seed`; `None` where its zone is dark.
@@ -132,21 +138,36 @@ impl<'a> Sampler<'a> {
         }
         let node = pick(nodes, numbers.bits());
         let (plane, ring) = (node / self.rings.len(), &self.rings[node % self.rings.len()]);
-        let planes = self.light.grid.c_planes() as f64;
-        let c = (plane as f64 + numbers.uniform() - numbers.uniform()) * TAU / planes;
+        let (at, at_sin_cos) = self.planes[plane];
+        let along = (numbers.uniform() - numbers.uniform()) * TAU / self.planes.len() as f64;
+        let (sin_c, cos_c) = sin_cos_beyond(at, at_sin_cos, along);
         let side = if numbers.uniform() < ring.below { 0 } else { 1 };
         let (step, largest) = ring.sides[side];
         let (gamma, (sin, cos)) = loop {
             // Distances with the density 1 − s, kept in proportion to sin γ.
-            let gamma = ring.gamma + step * (1.0 - numbers.uniform().sqrt());
-            let (sin, cos) = gamma.sin_cos();
+            let beyond = step * (1.0 - numbers.uniform().sqrt());
+            let (sin, cos) = sin_cos_beyond(ring.gamma, ring.sin_cos, beyond);
             if numbers.uniform() * largest <= sin {
-                break (gamma, (sin, cos));
+                break (ring.gamma + beyond, (sin, cos));
             }
         };
-        let (sin_c, cos_c) = c.sin_cos();
-        Some((self.source_from_photometric * DVec3::new(sin * cos_c, sin * sin_c, -cos), (c, gamma)))
+        let direction = self.source_from_photometric * DVec3::new(sin * cos_c, sin * sin_c, -cos);
+        Some((direction, (at + along, gamma)))
     }
+}
+
+/// Sine and cosine of an angle that lies `beyond` one, of which they are known: where that is little, as between the nodes of most grids, by
+/// their series, to the last digit. A third of the time of a ray would go into these functions otherwise.
+fn sin_cos_beyond(angle: f64, (sin, cos): (f64, f64), beyond: f64) -> (f64, f64) {
+    const LITTLE: f64 = 0.3;
+    if beyond.abs() > LITTLE {
+        return (angle + beyond).sin_cos();
+    }
+    let square = beyond * beyond;
+    let series = |parts: &[f64]| parts.iter().rev().fold(1.0, |sum, part| 1.0 - square * part * sum);
+    let own_sin = beyond * series(&[1.0 / 6.0, 1.0 / 20.0, 1.0 / 42.0, 1.0 / 72.0, 1.0 / 110.0]);
+    let own_cos = series(&[1.0 / 2.0, 1.0 / 12.0, 1.0 / 30.0, 1.0 / 56.0, 1.0 / 90.0, 1.0 / 132.0]);
+    (sin * own_cos + cos * own_sin, cos * own_cos - sin * own_sin)
 }
 
 impl Ring {
@@ -158,7 +179,12 @@ impl Ring {
             let crosses = (next - PI / 2.0) * (gamma - PI / 2.0) < 0.0;
             (next - gamma, if crosses { 1.0 } else { gamma.sin().max(next.sin()) })
         };
-        Ring { gamma, below: down / (down + up), sides: [side(node.checked_sub(1)), side(Some(node + 1))] }
+        Ring {
+            gamma,
+            sin_cos: gamma.sin_cos(),
+            below: down / (down + up),
+            sides: [side(node.checked_sub(1)), side(Some(node + 1))],
+        }
     }
 }
 
@@ -171,4 +197,19 @@ fn index<const N: usize>(weights: &[f64; N], numbers: &mut Numbers) -> usize {
     });
     // What rounding leaves over belongs to the weightiest, which is the first of a mixture.
     found.unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_a_little_beyond_have_their_sine_and_cosine() {
+        for k in 0..2000 {
+            let (angle, beyond) = (f64::from(k) * 0.003, f64::from(k % 101) * 0.01 - 0.5);
+            let (sin, cos) = sin_cos_beyond(angle, angle.sin_cos(), beyond);
+            let (exact_sin, exact_cos) = (angle + beyond).sin_cos();
+            assert!((sin - exact_sin).abs() < 4e-16 && (cos - exact_cos).abs() < 4e-16, "{angle} {beyond}");
+        }
+    }
 }
