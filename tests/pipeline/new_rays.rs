@@ -61,7 +61,7 @@ fn rays_of(bytes: Vec<u8>) -> Vec<RawRay> {
 #[test]
 fn new_rays_fall_where_the_model_has_its_light() {
     const DRAWN: u64 = 1_000_000;
-    for name in ["four-chips", "phosphor-ring", "cylinder"] {
+    for name in ["four-chips", "phosphor-ring", "dome", "cylinder"] {
         let model = stored(name);
         let (light, evaluator) = (Light::from(&model), Evaluator::of_primary(&model).unwrap());
         let sampler = Sampler::new(&evaluator).unwrap();
