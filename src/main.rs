@@ -4,7 +4,9 @@
 mod command;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use command::{Failure, backup, build, convert, environment, health, inspect, keys, openapi, sample, serve, tenants};
+use command::{
+    Failure, backup, build, convert, environment, health, inspect, keys, openapi, rays, sample, serve, tenants,
+};
 use std::process::ExitCode;
 
 /// Turns a light source's ray file into a continuous source model: hull mesh with spectra, zonal goniograms, IES files.
@@ -29,6 +31,8 @@ enum Verb {
     Inspect(inspect::Arguments),
     /// Write a ray file in another format: IES TM-25 or Zemax binary.
     Convert(convert::Arguments),
+    /// Draw new rays from a model, as many as are wanted, and write them as a ray file.
+    Rays(rays::Arguments),
     /// Write a known source as an IES TM-25 ray file.
     Sample(sample::Arguments),
     /// Create, list, rotate and revoke the keys of a service.
@@ -57,6 +61,7 @@ fn main() -> ExitCode {
         Verb::Build(arguments) => build::run(&arguments),
         Verb::Inspect(arguments) => inspect::run(&arguments),
         Verb::Convert(arguments) => convert::run(&arguments),
+        Verb::Rays(arguments) => rays::run(&arguments),
         Verb::Sample(arguments) => sample::run(&arguments),
         Verb::Keys(arguments) => keys::run(arguments),
         Verb::Tenants(arguments) => tenants::run(arguments),

@@ -11,8 +11,8 @@ use clap::{Args, ValueEnum};
 use pipeline::convert::{Converted, Failed, Target};
 use pipeline::vocabulary::watch::StageWatch;
 use pipeline::{Input, Limits, Stage, convert};
-use std::fs::{File, OpenOptions};
-use std::io::BufWriter;
+use std::fs::OpenOptions;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
@@ -34,8 +34,9 @@ pub struct Arguments {
     force: bool,
 }
 
+/// A format that is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum OutputFormat {
+pub enum OutputFormat {
     Tm25,
     Zemax,
 }
@@ -50,10 +51,19 @@ impl OutputFormat {
         }
     }
 
-    fn target(self) -> Target {
+    /// What the pipeline calls it.
+    pub fn target(self) -> Target {
         match self {
             OutputFormat::Tm25 => Target::Tm25,
             OutputFormat::Zemax => Target::ZemaxBinary,
+        }
+    }
+
+    /// What people call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            OutputFormat::Tm25 => "IES TM-25",
+            OutputFormat::Zemax => "Zemax binary",
         }
     }
 }
@@ -64,36 +74,60 @@ impl OutputFormat {
 /// The file cannot be read, is refused or does not fit the format; the output file exists; or the disk refuses an operation.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let path = &arguments.output;
-    let place = || path.display().to_string();
-    let format = arguments.format.or_else(|| OutputFormat::of(path)).ok_or_else(|| {
-        let found = "The extension of the output file does not name a format.";
-        Failure::usage("convert.format", found, "Use the extension .tm25ray, .dat or .sdf, or give --format.")
-            .at(place())
-    })?;
-    if path.exists() && !arguments.force {
-        let found = "The output file exists already.";
-        return Err(Failure::usage("convert.exists", found, "Name another output file, or give --force.").at(place()));
-    }
+    let format = destination(path, arguments.format, arguments.force)?;
     let input = arguments.file.open()?;
     let converted = write(&input, format.target(), path)?;
     output::print(summary(&input, &converted, format, path))
 }
 
+/// The format of a ray file to be written, which must not exist yet unless it may be replaced.
+///
+/// # Errors
+/// Neither flag nor extension names a format; the file exists.
+pub fn destination(path: &Path, format: Option<OutputFormat>, force: bool) -> Result<OutputFormat, Failure> {
+    let place = || path.display().to_string();
+    let format = format.or_else(|| OutputFormat::of(path)).ok_or_else(|| {
+        let found = "The extension of the output file does not name a format.";
+        Failure::usage("convert.format", found, "Use the extension .tm25ray, .dat or .sdf, or give --format.")
+            .at(place())
+    })?;
+    if path.exists() && !force {
+        let found = "The output file exists already.";
+        return Err(Failure::usage("convert.exists", found, "Name another output file, or give --force.").at(place()));
+    }
+    Ok(format)
+}
+
+fn write(input: &Input, target: Target, path: &Path) -> Result<Converted, Failure> {
+    let progress = Progress::start_reading();
+    let converted = write_whole(path, |out| {
+        let watch = StageWatch::enter(&progress, Stage::Rays)?;
+        convert::convert(input, target, &Limits::default(), out, watch)
+    });
+    progress.finish();
+    converted.map_err(|failed| match failed {
+        Failed::Read(error) => Failure::from(error).at(&input.name),
+        Failed::Write(error) => Failure::disk(path, &error),
+    })
+}
+
 /// Writes under another name first, so that no program sees an incomplete file, and the old file stays until the new one is
 /// complete.
-fn write(input: &Input, target: Target, path: &Path) -> Result<Converted, Failure> {
+///
+/// # Errors
+/// Those of `fill`, or of the disk.
+pub fn write_whole<T>(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<T, Failed>) -> Result<T, Failed> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let part = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
-    let disk = |error: &io::Error| Failure::disk(path, error);
-    let file = OpenOptions::new().write(true).create_new(true).open(&part).map_err(|error| disk(&error))?;
-    let progress = Progress::start_reading();
-    let converted = fill(file, input, target, &progress);
-    progress.finish();
-    let done = match converted {
-        Ok(converted) => fs::rename(&part, path).map(|()| converted).map_err(|error| disk(&error)),
-        Err(Failed::Read(error)) => Err(Failure::from(error).at(&input.name)),
-        Err(Failed::Write(error)) => Err(disk(&error)),
+    let file = OpenOptions::new().write(true).create_new(true).open(&part)?;
+    let filled = || {
+        let mut out = BufWriter::with_capacity(1 << 20, file);
+        let filled = fill(&mut out)?;
+        out.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()?;
+        fs::rename(&part, path)?;
+        Ok(filled)
     };
+    let done = filled();
     if done.is_err() {
         // What went wrong is told already; a part that stays behind is only untidy.
         let _ = fs::remove_file(&part);
@@ -101,19 +135,8 @@ fn write(input: &Input, target: Target, path: &Path) -> Result<Converted, Failur
     done
 }
 
-fn fill(file: File, input: &Input, target: Target, progress: &Progress) -> Result<Converted, Failed> {
-    let watch = StageWatch::enter(progress, Stage::Rays)?;
-    let mut out = BufWriter::with_capacity(1 << 20, file);
-    let converted = convert::convert(input, target, &Limits::default(), &mut out, watch)?;
-    out.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()?;
-    Ok(converted)
-}
-
 fn summary(input: &Input, converted: &Converted, format: OutputFormat, path: &Path) -> Table {
-    let written = match format {
-        OutputFormat::Tm25 => "IES TM-25",
-        OutputFormat::Zemax => "Zemax binary",
-    };
+    let written = format.name();
     let left_out = converted.rays_read - converted.rays_written;
     let mut table = Table::default();
     table.row("file", ["read".into(), format!("{}: {}", input.name, converted.format.name())]);
@@ -131,6 +154,7 @@ fn summary(input: &Input, converted: &Converted, format: OutputFormat, path: &Pa
 mod tests {
     use super::*;
     use pipeline::known_sources::{by_name, write_tm25};
+    use std::fs::File;
 
     fn lamp(folder: &Path) -> PathBuf {
         let path = folder.join("lamp.tm25ray");

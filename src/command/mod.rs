@@ -19,6 +19,8 @@ mod choices;
 pub mod inspect;
 /// `convert`: writes a ray file in another format.
 pub mod convert;
+/// `rays`: new rays from a model.
+pub mod rays;
 /// `sample`: known sources as ray files.
 pub mod sample;
 /// `openapi`: the contract.

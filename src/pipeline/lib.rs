@@ -39,15 +39,20 @@ pub mod model;
 pub mod candidates;
 /// 6. Results to files.
 pub mod artifacts;
+/// As many new rays of a model as are wanted.
+pub mod new_rays;
 /// What a run needs of the machine.
 pub mod memory;
 
+pub use artifacts::read::{FILES as MODEL_FILES, StoredModel, check_size as check_model_size, read as read_model};
+pub use convert::{Failed, Target};
 pub use error::{Error, Fault, Place};
 pub use formats::packed::{Content, Member, Packing, left_out, packing, unpack};
 pub use formats::record::{Bytes, Format};
 pub use formats::spectrum_file::{MAX_BYTES as MAX_SPECTRUM_BYTES, SpectrumFile};
 pub use inspection::findings::{Check, Header, Inspection, Verdict};
 pub use memory::MemoryNeed;
+pub use new_rays::{MOST_RAYS as MOST_NEW_RAYS, NewRays, Request as RayRequest};
 pub use options::{Emission, IesEdition, Options, Spectra};
 pub use rays::Input;
 pub use source::channels::Claims;
@@ -61,6 +66,8 @@ pub use vocabulary::watch::{NoProgress, Stage, Watch};
 pub use writing::Artifact;
 
 use source::Source;
+use std::io::Write;
+use std::ops::Range;
 use vocabulary::watch::StageWatch;
 
 /// Part of the hull's progress that the choice of its surface is.
@@ -152,4 +159,17 @@ pub fn inspect(input: &Input, limits: &Limits, watch: &dyn Watch) -> Result<Insp
 /// file's.
 pub fn drawings(inspection: &Inspection, name: &str) -> Vec<Artifact> {
     inspection::drawings::artifacts(inspection, name)
+}
+
+/// Writes these bytes of a file of new rays: parts one after another are the whole.
+///
+/// # Errors
+/// [`Error::Cancelled`]; what `out` answers.
+pub fn write_new_rays(
+    rays: &NewRays<'_>,
+    bytes: Range<u64>,
+    out: &mut dyn Write,
+    watch: &dyn Watch,
+) -> Result<(), Failed> {
+    rays.write(bytes, out, StageWatch::enter(watch, Stage::Rays)?)
 }

@@ -40,6 +40,8 @@ pub mod forwarded;
 pub mod webhooks;
 /// The job queue and its workers.
 pub mod jobs;
+/// Models read back, and new rays of them.
+pub mod models;
 /// Accepts and limits TCP connections.
 pub mod connections;
 /// What an operator may choose.
@@ -67,6 +69,7 @@ use jobs::request::NewJob;
 use jobs::watcher::Watcher;
 use jobs::worker::{Runner, Worker, pipeline_runner};
 use metrics::Metrics;
+use models::Models;
 use outbound::Outbound;
 use ray_sets::announcement::Announcement;
 use ray_sets::fetch::Ingest;
@@ -285,6 +288,7 @@ impl Service {
             readiness: http::readiness::readiness(storage.clone()),
             storage,
             queue,
+            models: Models::new(draining.clone()),
             watcher,
             dispatcher,
             metrics,

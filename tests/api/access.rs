@@ -12,7 +12,7 @@ use service::http::openapi;
 use service::storage::records::Records;
 use service::storage::records::statement::sql;
 use service::{Config, Service, StartError};
-use support::runners::{Gate, held, prompt};
+use support::runners::{Gate, held, prompt, prompt_with_a_model};
 use support::site::{Reply, Site};
 
 const NOBODY: &str = "0190b5a0-0000-7000-8000-000000000000";
@@ -67,7 +67,9 @@ impl Things {
             "webhooks" => &self.webhook,
             _ => "",
         };
-        let address = path.replace("{id}", id).replace("{name}", "read.txt").replace("{delivery}", &self.delivery);
+        let query = if path.ends_with("/rays") { "?count=10" } else { "" };
+        let address =
+            path.replace("{id}", id).replace("{name}", "read.txt").replace("{delivery}", &self.delivery) + query;
         assert!(!address.contains('{') && !address.contains("//"), "say here what the parameters of {path} are");
         address
     }
@@ -111,7 +113,7 @@ const SPECTRUM: &str = "500 0\n550 1\n600 0\n";
 
 /// A site where the tenant `lab` has a ray set, an upload that waits for its bytes, a spectrum and a job that has succeeded.
 pub async fn lab() -> (Site, Things) {
-    let mut site = Site::start_as(with_keys, prompt()).await;
+    let mut site = Site::start_as(with_keys, prompt_with_a_model()).await;
     site.key = Some(site.key_of("lab", &Scope::OF_A_TENANT).await);
     let ray_set = site.ray_set().await;
     let begun = site.ask(Method::POST, TUS, &TUS_HEADERS[..2], Body::empty()).await;

@@ -54,6 +54,7 @@ fn the_contract_says_how_everything_can_fail() {
         "delete_spectrum",
         "delete_upload",
         "delete_webhook",
+        "draw_rays",
         "get_artifact",
         "get_far_field_drawing",
         "get_job",

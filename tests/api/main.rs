@@ -19,6 +19,8 @@ mod endings;
 mod concatenation;
 /// What comes packed.
 mod packed;
+/// New rays from the models of jobs.
+mod rays;
 /// Keys, tenants, quotas and rates.
 mod access;
 /// What connections may ask of the process.

@@ -16,7 +16,7 @@ use std::path::Path;
 
 /// The order of the computation: each part may name itself and the parts before it, nothing after it. `lib` is its front door; a
 /// re-exported name counts as the part it comes from.
-const PIPELINE: [&str; 19] = [
+const PIPELINE: [&str; 20] = [
     "error",
     "vocabulary",
     "options",
@@ -35,11 +35,12 @@ const PIPELINE: [&str; 19] = [
     "model",
     "candidates",
     "artifacts",
+    "new_rays",
     "memory",
 ];
 
 /// The order of the service.
-const SERVICE: [&str; 24] = [
+const SERVICE: [&str; 25] = [
     "tls",
     "crash",
     "hex",
@@ -60,6 +61,7 @@ const SERVICE: [&str; 24] = [
     "forwarded",
     "webhooks",
     "jobs",
+    "models",
     "connections",
     "config",
     "upkeep",

@@ -196,16 +196,15 @@ fn drawn_rays_are_those_of_the_model() {
         let outcome = built(&by_name(name).unwrap(), &Options::default()).unwrap();
         let model = &outcome.model;
         let evaluator = Evaluator::new(model, Quantity::Radiant).unwrap();
-        let sampler = Sampler::new(model, &evaluator);
-        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let sampler = Sampler::new(&evaluator).unwrap();
         let grid = SphereGrid::new(18, 24);
         let (mut counted, mut above) = (vec![0.0; grid.cell_count()], 0.0);
         let middle_mm = model.hull.bounds_mm().center();
-        for _ in 0..DRAWN {
-            let (point_mm, direction) = sampler.draw(&mut random).unwrap();
-            let (c, gamma) = model.goniograms.frame.angles(direction);
+        for ray in 0..DRAWN as u64 {
+            let drawn = sampler.ray(3, ray).unwrap();
+            let (c, gamma) = model.goniograms.frame.angles(drawn.direction);
             counted[grid.cell(c, gamma)] += 1.0;
-            above += if point_mm.x > middle_mm.x { 1.0 } else { 0.0 };
+            above += if drawn.point_mm.x > middle_mm.x { 1.0 } else { 0.0 };
         }
         let share = |c: f64, gamma: f64| evaluator.intensity(model.goniograms.frame.direction(c, gamma));
         let (c_step, gamma_step) = (TAU / 24.0, PI / 18.0);

@@ -1,11 +1,12 @@
 //! Runners that stand in for the pipeline: prompt, held, uncancellable, panicking, failing.
 
-use pipeline::{Artifact, Error, Input, Stage};
+use pipeline::known_sources::{by_name, write_tm25};
+use pipeline::{Artifact, Declared, Error, Input, Limits, MODEL_FILES, NoProgress, Options, Stage};
 use service::jobs::ZIP;
 use service::jobs::worker::{Product, Runner};
 use sha2::{Digest, Sha256};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, LazyLock};
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -79,6 +80,35 @@ pub fn prompt() -> Runner {
         }
         product(inputs)
     })
+}
+
+/// As [`prompt`], with the two files of a small model that new rays can be drawn from.
+pub fn prompt_with_a_model() -> Runner {
+    let prompt = prompt();
+    Arc::new(move |inputs, options, limits, watch| {
+        let mut product = prompt(inputs, options, limits, watch)?;
+        let zip = product.artifacts.pop();
+        for (name, bytes) in MODEL_FILES.into_iter().zip(model_files()) {
+            let media_type = "application/octet-stream";
+            product.artifacts.push(Artifact { name: name.into(), media_type, bytes: bytes.clone() });
+        }
+        product.artifacts.extend(zip);
+        Ok(product)
+    })
+}
+
+/// `emitter.glb` and `goniograms.json` of a known source of few rays.
+pub fn model_files() -> &'static [Vec<u8>; 2] {
+    static FILES: LazyLock<[Vec<u8>; 2]> = LazyLock::new(|| {
+        let mut bytes = Vec::new();
+        write_tm25(&by_name("flat-chip").unwrap(), 5_000, 1, &mut bytes).unwrap();
+        let (name, sha256) = ("chip.tm25ray".into(), sha256(&bytes));
+        let input = Input { name, sha256, bytes: Arc::new(bytes), declared: Declared::default(), notices: Vec::new() };
+        let outcome = pipeline::run(&[input], &Options::default(), &Limits::default(), &NoProgress).unwrap();
+        let file = |name: &str| outcome.artifacts.iter().find(|artifact| artifact.name == name).unwrap().bytes.clone();
+        MODEL_FILES.map(file)
+    });
+    &FILES
 }
 
 /// Stands half through the stage "flux" until its gate opens or nobody wants it.

@@ -39,6 +39,20 @@ pub fn at_least_one<T: FromStr + PartialOrd + From<u8>>(text: &str) -> Result<T,
     number.ok_or_else(|| "write a whole number of at least 1".to_owned())
 }
 
+/// A number of rays: `1000000`, `1e6`, `2.5e8`.
+///
+/// # Errors
+/// It is none, or 0.
+pub fn rays(text: &str) -> Result<u64, String> {
+    /// Up to here every whole number is a 64-bit float.
+    const LARGEST: f64 = (1_u64 << 53) as f64;
+    let text = text.trim();
+    let as_float =
+        || text.parse::<f64>().ok().filter(|number| number.fract() == 0.0 && (1.0..=LARGEST).contains(number));
+    let number = text.parse().ok().or_else(|| as_float().map(|number| number as u64)).filter(|number| *number > 0);
+    number.ok_or_else(|| "write a number of rays as 1000000 or 1e6".to_owned())
+}
+
 /// A time: `90s`, `1h 30m`; a number alone means seconds.
 ///
 /// # Errors
@@ -135,6 +149,16 @@ mod tests {
         assert!(some_days("4294967295").is_ok() && seconds("4294967295").is_ok());
         for long in ["4294967296d", "99999999999999999999", "600000000000y"] {
             assert!(some_days(long).is_err(), "{long}");
+        }
+    }
+
+    #[test]
+    fn numbers_of_rays_are_read_as_people_write_them() {
+        for (text, expected) in [("1000000", 1_000_000), ("1e9", 1_000_000_000), ("2.5e8", 250_000_000), (" 1 ", 1)] {
+            assert_eq!(rays(text), Ok(expected), "{text}");
+        }
+        for wrong in ["", "0", "-1", "1.5", "1e-3", "1e99", "inf", "NaN", "1 000", "many"] {
+            assert!(rays(wrong).is_err_and(|error| error.contains("1e6")), "{wrong}");
         }
     }
 

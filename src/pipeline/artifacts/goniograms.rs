@@ -17,14 +17,14 @@ use serde::Serialize;
 /// Name in the zip.
 pub const NAME: &str = "goniograms.json";
 /// What the document calls its schema.
-const URN: &str = "urn:lampwright:goniograms:2";
+pub(super) const URN: &str = "urn:lampwright:goniograms:2";
 const FORMAT: &str = "emitter-goniograms";
 const CELLS: &str =
     "node-centred: a node's cell reaches halfway to its neighbours; the pole cells are caps shared by all C";
 const INTERPOLATION: &str = "bilinear in C and gamma";
 /// How spectral intensities are written.
-const ENCODING: &str = "dense";
-const ORDER: &str = "c, gamma, band";
+pub(super) const ENCODING: &str = "dense";
+pub(super) const ORDER: &str = "c, gamma, band";
 const UNIT: &str = "W/(sr nm)";
 
 /// The document.

@@ -21,6 +21,8 @@ mod proof;
 pub mod report;
 /// `README.txt`.
 pub mod readme;
+/// A model back from its own files.
+pub mod read;
 /// A model made by hand, whose every number has a closed form.
 #[cfg(test)]
 mod fixture;

@@ -15,8 +15,6 @@ use crate::source::{Ray, Source};
 use crate::vocabulary::space::Bounds;
 use crate::vocabulary::watch::StageWatch;
 use glam::DVec3;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -197,14 +195,14 @@ pub fn verify(
     let drawing = watch.part(0.5, 1.0);
     let mut rays = none.clone();
     sample.training.rays.iter().for_each(|ray| rays.add(&screens, ray.origin_mm, ray.direction, ray.weight()));
-    let sampler = Sampler::new(model, &evaluator);
+    let Some(sampler) = Sampler::new(&evaluator) else { return Ok(()) };
     let draw = |half: u64| {
         let batch = |number: u64| -> Result<Counts, Error> {
             drawing.step((half as f64 + number as f64 * BATCH as f64 / DRAWN as f64) / 2.0)?;
-            let mut random = ChaCha8Rng::seed_from_u64(2 * number + half);
             let mut counts = none.clone();
-            for (point_mm, direction) in (0..BATCH).filter_map(|_| sampler.draw(&mut random)) {
-                counts.add(&screens, point_mm, direction, 1.0);
+            let first = number * BATCH;
+            for ray in (first..first + BATCH).filter_map(|ray| sampler.ray(half, ray)) {
+                counts.add(&screens, ray.point_mm, ray.direction, 1.0);
             }
             Ok(counts)
         };

@@ -134,14 +134,26 @@ impl SphereGrid {
 impl SphereGrid {
     /// Intensity between the nodes: bilinear in C and γ over `[c][gamma]` values.
     pub fn interpolate(&self, nodes: &[f64], c: f64, gamma: f64) -> f64 {
+        let ([a, b, d, e], [u, v]) = self.around(c, gamma);
+        let lerp = |a: f64, b: f64, share: f64| a + share * (b - a);
+        lerp(lerp(nodes[a], nodes[b], u), lerp(nodes[d], nodes[e], u), v)
+    }
+
+    /// The four nodes round a direction, indices into `[c][gamma]` values, and the share of each in what is bilinear between them.
+    pub fn surroundings(&self, c: f64, gamma: f64) -> [(usize, f64); 4] {
+        let ([a, b, d, e], [u, v]) = self.around(c, gamma);
+        [(a, (1.0 - u) * (1.0 - v)), (b, u * (1.0 - v)), (d, (1.0 - u) * v), (e, u * v)]
+    }
+
+    /// Those nodes, C running faster, and where the direction lies between them, 0 to 1 along C and along γ.
+    fn around(&self, c: f64, gamma: f64) -> ([usize; 4], [f64; 2]) {
         let along_c = (c / TAU * self.c_count as f64).rem_euclid(self.c_count as f64);
         let k = self.gamma.partition_point(|node| *node <= gamma).clamp(1, self.gamma.len() - 1) - 1;
         let j = along_c as usize % self.c_count;
         let u = along_c - along_c.floor();
         let v = ((gamma - self.gamma[k]) / (self.gamma[k + 1] - self.gamma[k])).clamp(0.0, 1.0);
-        let at = |j: usize, k: usize| nodes[(j % self.c_count) * self.gamma_nodes() + k];
-        let lerp = |a: f64, b: f64, share: f64| a + share * (b - a);
-        lerp(lerp(at(j, k), at(j + 1, k), u), lerp(at(j, k + 1), at(j + 1, k + 1), u), v)
+        let at = |j: usize, k: usize| (j % self.c_count) * self.gamma_nodes() + k;
+        ([at(j, k), at(j + 1, k), at(j, k + 1), at(j + 1, k + 1)], [u, v])
     }
 
     /// Weights W_k with `Σ_c Σ_k W_k value[c][k] = ∫ interpolate dΩ` exactly, sr, one per γ node: the hat function of a node times

@@ -45,7 +45,16 @@ pub struct Hull {
     pub notices: Notices,
 }
 
-impl Hull {
+/// Vertices and triangles alone, whoever holds them.
+#[derive(Clone, Copy, Debug)]
+pub struct Mesh<'a> {
+    /// Vertices, mm.
+    pub vertices_mm: &'a [DVec3],
+    /// Indices into the vertices.
+    pub triangles: &'a [[u32; 3]],
+}
+
+impl Mesh<'_> {
     /// Corners of a triangle, mm.
     pub fn corners_mm(&self, triangle: usize) -> [DVec3; 3] {
         self.triangles[triangle].map(|vertex| self.vertices_mm[vertex as usize])
@@ -67,11 +76,6 @@ impl Hull {
         self.double_area_normal_mm2(triangle).normalize_or_zero()
     }
 
-    /// Area of the whole surface, mm².
-    pub fn total_area_mm2(&self) -> f64 {
-        (0..self.triangles.len()).map(|triangle| self.area_mm2(triangle)).sum()
-    }
-
     /// A third of the areas of each vertex's triangles, mm²: A_l of `pipeline/README.md` 3.
     pub fn vertex_areas_mm2(&self) -> Vec<f64> {
         let mut areas = vec![0.0; self.vertices_mm.len()];
@@ -82,13 +86,45 @@ impl Hull {
         }
         areas
     }
+}
+
+impl Hull {
+    /// Its vertices and triangles.
+    pub fn mesh(&self) -> Mesh<'_> {
+        Mesh { vertices_mm: &self.vertices_mm, triangles: &self.triangles }
+    }
+
+    /// Corners of a triangle, mm.
+    pub fn corners_mm(&self, triangle: usize) -> [DVec3; 3] {
+        self.mesh().corners_mm(triangle)
+    }
+
+    /// Area of a triangle, mm².
+    pub fn area_mm2(&self, triangle: usize) -> f64 {
+        self.mesh().area_mm2(triangle)
+    }
+
+    /// Outward unit normal of a triangle.
+    pub fn normal(&self, triangle: usize) -> DVec3 {
+        self.mesh().normal(triangle)
+    }
+
+    /// Area of the whole surface, mm².
+    pub fn total_area_mm2(&self) -> f64 {
+        (0..self.triangles.len()).map(|triangle| self.area_mm2(triangle)).sum()
+    }
+
+    /// A third of the areas of each vertex's triangles, mm²: A_l of `pipeline/README.md` 3.
+    pub fn vertex_areas_mm2(&self) -> Vec<f64> {
+        self.mesh().vertex_areas_mm2()
+    }
 
     /// Area-weighted unit normals of the vertices, outward.
     pub fn vertex_normals(&self) -> Vec<DVec3> {
         let mut normals = vec![DVec3::ZERO; self.vertices_mm.len()];
         for (triangle, corners) in self.triangles.iter().enumerate() {
             for corner in corners {
-                normals[*corner as usize] += self.double_area_normal_mm2(triangle);
+                normals[*corner as usize] += self.mesh().double_area_normal_mm2(triangle);
             }
         }
         normals.iter().map(|normal| normal.normalize_or(DVec3::Z)).collect()

@@ -44,7 +44,7 @@ mod covariance;
 use crate::options::HullOptions;
 use cloud::Pass;
 pub use cloud::{Carrier, Cloud};
-pub use mesh::{Hull, Label};
+pub use mesh::{Hull, Label, Mesh};
 
 use crate::error::Error;
 use crate::source::Ray;

@@ -4,7 +4,7 @@
 //! the zone weights of the triangle's corners, as M is mixed. Another program that reads only emitter.glb and
 //! goniograms.json computes the same; `openapi/README.md` has the formulas.
 
-use super::Model;
+use super::light::Light;
 use crate::flux::Amounts;
 use crate::goniogram::Goniogram;
 use crate::volume::Volume;
@@ -22,7 +22,7 @@ pub enum Quantity {
 
 /// A model prepared for evaluation in one quantity. "Flux" below is W or lm.
 pub struct Evaluator<'a> {
-    model: &'a Model,
+    light: Light<'a>,
     /// M_l, flux per mm².
     exitance: Vec<f64>,
     /// Per zone: `[c][gamma]` values and their integral over the sphere.
@@ -64,39 +64,55 @@ fn per(flux: &[f64], measures: &[f64]) -> Vec<f64> {
 
 impl<'a> Evaluator<'a> {
     /// Of the radiant quantity where that is known, else of the luminous one; `None` of a model without either.
-    pub fn of_primary(model: &'a Model) -> Option<Evaluator<'a>> {
-        Evaluator::new(model, Quantity::Radiant).or_else(|| Evaluator::new(model, Quantity::Luminous))
+    pub fn of_primary(light: impl Into<Light<'a>>) -> Option<Evaluator<'a>> {
+        let light = light.into();
+        Evaluator::new(light.clone(), Quantity::Radiant).or_else(|| Evaluator::new(light, Quantity::Luminous))
     }
 
     /// `None` where the model does not know the quantity.
-    pub fn new(model: &'a Model, quantity: Quantity) -> Option<Evaluator<'a>> {
-        let exitance = per(flux_of(&model.surface.vertices, quantity)?, &model.hull.vertex_areas_mm2());
+    pub fn new(light: impl Into<Light<'a>>, quantity: Quantity) -> Option<Evaluator<'a>> {
+        let light = light.into();
+        let exitance = per(flux_of(light.vertices, quantity)?, &light.mesh.vertex_areas_mm2());
         let normalised = |goniogram: &'a Goniogram| {
             let nodes = intensities_of(goniogram, quantity)?;
-            Some((nodes.as_slice(), model.goniograms.grid.integral(nodes)))
+            Some((nodes.as_slice(), light.grid.integral(nodes)))
         };
-        let zones = model.goniograms.zones.iter().map(|zone| normalised(&zone.goniogram));
-        let goniograms = zones.collect::<Option<Vec<_>>>()?;
+        let goniograms = light.zones.iter().map(|zone| normalised(zone)).collect::<Option<Vec<_>>>()?;
         let in_volume = |volume: &'a Volume| {
             let flux = flux_of(&volume.nodes, quantity)?;
             let density = per(flux, &volume.volumes_mm3);
-            Some(InVolume { volume, density, goniogram: normalised(&model.goniograms.total)?, flux: flux.iter().sum() })
+            Some(InVolume { volume, density, goniogram: normalised(light.total)?, flux: flux.iter().sum() })
         };
-        let in_volume = model.volume.as_ref().and_then(in_volume);
+        let in_volume = light.volume.and_then(in_volume);
         let zone_flux = vec![0.0; goniograms.len()];
-        let mut evaluator = Evaluator { model, exitance, zone_flux, goniograms, in_volume };
-        for triangle in 0..model.hull.triangles.len() {
+        let mut evaluator = Evaluator { light, exitance, zone_flux, goniograms, in_volume };
+        for triangle in 0..evaluator.light.mesh.triangles.len() {
             // ∫ of a product of two linear functions over a triangle is A/12 (Σ a_i b_i + Σ a_i Σ b_i); b is 1 at the zone's corners.
-            let corners = model.hull.triangles[triangle].map(|vertex| vertex as usize);
+            let corners = evaluator.light.mesh.triangles[triangle].map(|vertex| vertex as usize);
             let sum: f64 = corners.iter().map(|corner| evaluator.exitance[*corner]).sum();
             for corner in corners {
-                let flux = model.hull.area_mm2(triangle) / 12.0 * (evaluator.exitance[corner] + sum);
-                for (zone, weight) in model.goniograms.mixtures[corner].parts() {
+                let flux = evaluator.light.mesh.area_mm2(triangle) / 12.0 * (evaluator.exitance[corner] + sum);
+                for (zone, weight) in evaluator.light.mixtures[corner].parts() {
                     evaluator.zone_flux[zone] += weight * flux;
                 }
             }
         }
         Some(evaluator)
+    }
+
+    /// What it evaluates.
+    pub fn light(&self) -> &Light<'a> {
+        &self.light
+    }
+
+    /// Flux of the model: that of all vertices, or of all nodes of a volume.
+    pub fn flux(&self) -> f64 {
+        self.in_volume.as_ref().map_or_else(|| self.zone_flux.iter().sum(), |inside| inside.flux)
+    }
+
+    /// Flux of the light that a zone gives its directions, ∫ M w dA; of a volume, all of it.
+    pub fn zone_flux(&self, zone: usize) -> f64 {
+        self.in_volume.as_ref().map_or_else(|| self.zone_flux[zone], |inside| inside.flux)
     }
 
     /// The intensities of a zone at the nodes, `[c][gamma]`.
@@ -109,6 +125,12 @@ impl<'a> Evaluator<'a> {
         self.in_volume.as_ref().map(|inside| inside.goniogram.0)
     }
 
+    /// A zone, or the volume, sends no light in any direction.
+    pub fn is_dark(&self, zone: usize) -> bool {
+        let (_, integral) = self.in_volume.as_ref().map_or_else(|| self.goniograms[zone], |inside| inside.goniogram);
+        integral <= 0.0
+    }
+
     /// Emission coefficient j of a node of a volume, integrated over all directions, flux/mm³; 0 of a surface.
     pub fn density(&self, node: usize) -> f64 {
         self.in_volume.as_ref().map_or(0.0, |inside| inside.density[node])
@@ -116,19 +138,27 @@ impl<'a> Evaluator<'a> {
 
     /// Exitance M at the point of `triangle` with barycentric `shares`, flux/mm².
     pub fn exitance(&self, triangle: usize, shares: [f64; 3]) -> f64 {
-        let corners = self.model.hull.triangles[triangle];
+        let corners = self.light.mesh.triangles[triangle];
         corners.iter().zip(shares).map(|(vertex, share)| self.exitance[*vertex as usize] * share).sum()
     }
 
     /// Normalised angular distribution q of the light of a point in unit `direction`, 1/sr.
     pub fn distribution(&self, triangle: usize, shares: [f64; 3], direction: DVec3) -> f64 {
-        let (c, gamma) = self.model.goniograms.frame.angles(direction);
-        let corners = self.model.hull.triangles[triangle];
+        let (c, gamma) = self.light.frame.angles(direction);
+        let corners = self.light.mesh.triangles[triangle];
         let of = |vertex: &u32| -> f64 {
-            let parts = self.model.goniograms.mixtures[*vertex as usize].parts();
+            let parts = self.light.mixtures[*vertex as usize].parts();
             parts.map(|(zone, weight)| weight * self.zone_distribution(zone, c, gamma)).sum()
         };
         corners.iter().zip(shares).map(|(vertex, share)| share * of(vertex)).sum()
+    }
+
+    /// Normalised angular distribution of a zone, or of a volume, 1/sr, at C and γ in radians.
+    pub fn distribution_of(&self, zone: usize, c: f64, gamma: f64) -> f64 {
+        match &self.in_volume {
+            Some(inside) => self.normalised(inside.goniogram, c, gamma),
+            None => self.zone_distribution(zone, c, gamma),
+        }
     }
 
     fn zone_distribution(&self, zone: usize, c: f64, gamma: f64) -> f64 {
@@ -136,20 +166,20 @@ impl<'a> Evaluator<'a> {
     }
 
     fn normalised(&self, (nodes, integral): (&[f64], f64), c: f64, gamma: f64) -> f64 {
-        if integral > 0.0 { self.model.goniograms.grid.interpolate(nodes, c, gamma) / integral } else { 0.0 }
+        if integral > 0.0 { self.light.grid.interpolate(nodes, c, gamma) / integral } else { 0.0 }
     }
 
     /// Radiance of a volume along the line through a point in unit `direction`, flux/(mm² sr); `None` of a surface.
     pub fn radiance_along(&self, point_mm: DVec3, direction: DVec3) -> Option<f64> {
         let inside = self.in_volume.as_ref()?;
-        let (c, gamma) = self.model.goniograms.frame.angles(direction);
+        let (c, gamma) = self.light.frame.angles(direction);
         let path = inside.volume.lattice.integral(point_mm, direction, &inside.density);
         Some(self.normalised(inside.goniogram, c, gamma) * path)
     }
 
     /// Radiance L of a point of the surface in unit `direction`, flux/(mm² sr); 0 along the surface, where it has no meaning.
     pub fn radiance(&self, triangle: usize, shares: [f64; 3], direction: DVec3) -> f64 {
-        let cosine = direction.dot(self.model.hull.normal(triangle)).abs();
+        let cosine = direction.dot(self.light.mesh.normal(triangle)).abs();
         if cosine > 0.0 {
             self.exitance(triangle, shares) * self.distribution(triangle, shares, direction) / cosine
         } else {
@@ -159,7 +189,7 @@ impl<'a> Evaluator<'a> {
 
     /// Intensity of the whole source in unit `direction`, flux/sr.
     pub fn intensity(&self, direction: DVec3) -> f64 {
-        let (c, gamma) = self.model.goniograms.frame.angles(direction);
+        let (c, gamma) = self.light.frame.angles(direction);
         if let Some(inside) = &self.in_volume {
             return inside.flux * self.normalised(inside.goniogram, c, gamma);
         }
@@ -173,10 +203,10 @@ impl<'a> Evaluator<'a> {
         if let Some(inside) = &self.in_volume {
             return self.irradiance_of(inside, point_mm, normal);
         }
-        let hull = &self.model.hull;
+        let mesh = &self.light.mesh;
         let mut sum = 0.0;
-        for triangle in 0..hull.triangles.len() {
-            let [a, b, c] = hull.corners_mm(triangle);
+        for triangle in 0..mesh.triangles.len() {
+            let [a, b, c] = mesh.corners_mm(triangle);
             for heavy in 0..3 {
                 let mut shares = [1.0 / 6.0; 3];
                 shares[heavy] = 2.0 / 3.0;
@@ -185,7 +215,7 @@ impl<'a> Evaluator<'a> {
                 let cosine = -direction.dot(normal);
                 if cosine > 0.0 {
                     let from = self.exitance(triangle, shares) * self.distribution(triangle, shares, direction);
-                    sum += hull.area_mm2(triangle) / 3.0 * from * cosine / (distance_mm * distance_mm);
+                    sum += mesh.area_mm2(triangle) / 3.0 * from * cosine / (distance_mm * distance_mm);
                 }
             }
         }
@@ -203,7 +233,7 @@ impl<'a> Evaluator<'a> {
                 let (distance_mm, direction) = (to_point.length(), to_point.normalize_or_zero());
                 let cosine = -direction.dot(normal);
                 if cosine > 0.0 {
-                    let (c, gamma) = self.model.goniograms.frame.angles(direction);
+                    let (c, gamma) = self.light.frame.angles(direction);
                     let density = lattice.interpolate(cell, at, &inside.density);
                     let from = density * self.normalised(inside.goniogram, c, gamma);
                     sum += part_mm3 * from * cosine / (distance_mm * distance_mm);

@@ -2,10 +2,16 @@
 //!
 //! L = M(x, λ) q(ω; x, λ) / |cos θ| (`pipeline/README.md` 5).
 
+/// What radiance and new rays need of a model.
+pub mod light;
 /// The model evaluated.
 pub mod evaluation;
+/// Random numbers that a seed and the number of a ray give.
+pub mod chance;
 /// New rays from the model.
 pub mod sampling;
+/// Wavelengths of new rays.
+pub mod wavelengths;
 /// How the surface was chosen, and how good the model is.
 pub mod study;
 /// What the report tells of each channel of the source.

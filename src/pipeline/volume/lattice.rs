@@ -80,6 +80,11 @@ pub fn is_filled(rays: &[Ray]) -> bool {
 }
 
 impl VolumeLattice {
+    /// Of `cells` cells from `min_mm` on, of which those that are `lit` (`[z][y][x]`, one each) are.
+    pub fn of_cells(min_mm: DVec3, pitch_mm: DVec3, cells: [usize; 3], lit: Vec<bool>) -> VolumeLattice {
+        VolumeLattice { min_mm, pitch_mm, cells, is_lit: Vec::new(), number: Vec::new(), node_count: 0 }.with(lit)
+    }
+
     /// The lattice of the origins of `cloud`, with as many nodes as its rays can feed; by how much of the box the `sample` fills.
     ///
     /// # Errors

@@ -5,6 +5,7 @@ use crate::forwarded::Prefix;
 use crate::jobs::queue::Queue;
 use crate::jobs::watcher::Watcher;
 use crate::metrics::Metrics;
+use crate::models::Models;
 use crate::ray_sets::fetch::Ingest;
 use crate::ray_sets::intake::Intake;
 use crate::storage::Storage;
@@ -41,6 +42,8 @@ pub struct Services {
     pub storage: Storage,
     /// Jobs.
     pub queue: Queue,
+    /// Models in memory, and new rays of them.
+    pub models: Models,
     /// Tells of jobs that change.
     pub watcher: Watcher,
     /// Tells others that jobs have ended.

@@ -142,43 +142,66 @@ pub async fn download_zip(
 async fn send(api: &Api, id: &str, name: &str, method: &Method, headers: &HeaderMap) -> Result<Response, Problem> {
     let found = query::artifact_named(&api.storage.records, id, name).await?;
     let artifact = found.ok_or_else(|| Problem::no_artifact(name))?;
-    let etag = format!("\"{}\"", artifact.sha256);
-    let (status, range) = match wanted(headers, &etag, artifact.byte_count) {
-        Wanted::Whole => (StatusCode::OK, 0..artifact.byte_count),
+    let facts = FileFacts {
+        etag: format!("\"{}\"", artifact.sha256),
+        name: artifact.name,
+        media_type: artifact.media_type,
+        byte_count: artifact.byte_count,
+    };
+    let bytes = async |range| Ok(Body::from_stream(api.storage.blobs.stream(&artifact.blob, range).await?));
+    answer(&facts, method, headers, bytes).await
+}
+
+/// What an answer says of the file that it sends.
+pub struct FileFacts {
+    /// Its name.
+    pub name: String,
+    /// Its media type.
+    pub media_type: String,
+    /// Its length.
+    pub byte_count: u64,
+    /// Its entity tag, with quotes.
+    pub etag: String,
+}
+
+/// Answers with a file, or the part of it that is asked for; `bytes` gives a range of it.
+///
+/// # Errors
+/// A condition is false; those of `bytes`.
+pub async fn answer(
+    file: &FileFacts,
+    method: &Method,
+    headers: &HeaderMap,
+    bytes: impl AsyncFnOnce(Range<u64>) -> Result<Body, Problem>,
+) -> Result<Response, Problem> {
+    let (status, range) = match wanted(headers, &file.etag, file.byte_count) {
+        Wanted::Whole => (StatusCode::OK, 0..file.byte_count),
         Wanted::Part(range) => (StatusCode::PARTIAL_CONTENT, range),
         Wanted::Nothing => (StatusCode::NOT_MODIFIED, 0..0),
-        Wanted::Changed => return Err(Problem::changed(&etag)),
+        Wanted::Changed => return Err(Problem::changed(&file.etag)),
         Wanted::Unsatisfiable => {
-            let content_range = [(header::CONTENT_RANGE, format!("bytes */{}", artifact.byte_count))];
-            return Ok((content_range, Problem::range_not_satisfiable(artifact.byte_count)).into_response());
+            let content_range = [(header::CONTENT_RANGE, format!("bytes */{}", file.byte_count))];
+            return Ok((content_range, Problem::range_not_satisfiable(file.byte_count)).into_response());
         }
     };
-    // A HEAD is answered without touching the blob.
+    // A HEAD is answered without touching the bytes.
     let body = match *method == Method::HEAD || range.is_empty() {
         true => Body::empty(),
-        false => Body::from_stream(api.storage.blobs.stream(&artifact.blob, range.clone()).await?),
+        false => bytes(range.clone()).await?,
     };
     let mut response = (status, body).into_response();
-    let media_type = media_type(headers, &artifact.media_type);
-    describe(response.headers_mut(), &artifact, media_type, &etag, status, &range);
+    describe(response.headers_mut(), file, media_type(headers, &file.media_type), status, &range);
     Ok(response)
 }
 
-fn describe(
-    headers: &mut HeaderMap,
-    artifact: &StoredArtifact,
-    media_type: &str,
-    etag: &str,
-    status: StatusCode,
-    range: &Range<u64>,
-) {
+fn describe(headers: &mut HeaderMap, file: &FileFacts, media_type: &str, status: StatusCode, range: &Range<u64>) {
     let mut set = |name, value: String| {
         // Only our own names and numbers: always a legal header.
         if let Ok(value) = HeaderValue::try_from(value) {
             headers.insert(name, value);
         }
     };
-    set(header::ETAG, etag.to_owned());
+    set(header::ETAG, file.etag.clone());
     // What has this name under this job never changes, but the job may be deleted: ask again, cheaply.
     set(header::CACHE_CONTROL, "private, no-cache".into());
     if status == StatusCode::NOT_MODIFIED {
@@ -188,10 +211,10 @@ fn describe(
     set(header::CONTENT_TYPE, media_type.to_owned());
     set(header::VARY, "accept".into());
     set(header::CONTENT_LENGTH, (range.end - range.start).to_string());
-    set(header::CONTENT_DISPOSITION, disposition(&artifact.name, &artifact.media_type));
+    set(header::CONTENT_DISPOSITION, disposition(&file.name, &file.media_type));
     if status == StatusCode::PARTIAL_CONTENT {
         let (start, end) = (range.start, range.end.saturating_sub(1));
-        set(header::CONTENT_RANGE, format!("bytes {start}-{end}/{}", artifact.byte_count));
+        set(header::CONTENT_RANGE, format!("bytes {start}-{end}/{}", file.byte_count));
     }
 }
 

@@ -36,6 +36,8 @@ pub mod submission;
 pub mod events;
 /// The artifacts of jobs.
 pub mod artifacts;
+/// New rays from the models of jobs.
+pub mod rays;
 /// Webhooks.
 pub mod webhooks;
 /// Deliveries of webhooks.
@@ -139,6 +141,7 @@ fn routes() -> OpenApiRouter<Api> {
         .routes(needs(JobsRead, routes!(artifacts::list)))
         .routes(needs(JobsRead, routes!(artifacts::download)))
         .routes(needs(JobsRead, routes!(artifacts::download_zip)))
+        .routes(needs(JobsRead, routes!(rays::draw)))
         .routes(needs(WebhooksRead, routes!(webhooks::list)))
         .routes(needs(WebhooksRead, routes!(webhooks::get)))
         .routes(needs(WebhooksRead, routes!(deliveries::list)));

@@ -17,7 +17,7 @@ use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
 
 /// What the object calls its schema.
-const URN: &str = "urn:lampwright:emitter-extras:2";
+pub const URN: &str = "urn:lampwright:emitter-extras:2";
 /// Attribute of the vertices' radiant flux, W.
 pub const FLUX_W: &str = "_FLUX_W";
 /// Attribute of the vertices' luminous flux, lm.

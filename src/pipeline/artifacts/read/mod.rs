@@ -1,0 +1,188 @@
+//! A model back from its own files: `emitter.glb` and `goniograms.json`, by `openapi/README.md` alone. Nothing in them is believed before it
+//! was checked: sizes, counts, indices, and that every number is one.
+
+/// The container, its JSON, and what its accessors hold.
+mod glb;
+/// The surface or the volume, and the light of its places.
+mod places;
+/// Frame, grids and intensities.
+mod angles;
+#[cfg(test)]
+mod tests;
+
+use crate::error::Error;
+use crate::flux::Amounts;
+use crate::goniogram::{Goniogram, Mixture, SphereGrid};
+use crate::hull::Mesh;
+use crate::model::evaluation::Evaluator;
+use crate::model::light::Light;
+use crate::source::{Columns, Spectral};
+use crate::vocabulary::limits::Limits;
+use crate::vocabulary::space::Frame;
+use crate::vocabulary::spectrum::Bands;
+use crate::volume::Volume;
+use angles::Angles;
+use glam::DVec3;
+use glb::{AGAIN, Glb};
+use places::Places;
+use std::io::{Read, Seek};
+use zip::ZipArchive;
+use zip::result::ZipError;
+
+/// The two files.
+pub const FILES: [&str; 2] = [super::gltf::NAME, super::goniograms::NAME];
+/// Most bytes of either file.
+pub const MOST_BYTES: u64 = 1 << 30;
+/// Most bands.
+const MOST_BANDS: usize = 4096;
+/// Bands that stand where no spectrum is known, nm.
+const VISIBLE_NM: [f64; 2] = [380.0, 780.0];
+
+/// What the two files tell of a model: all that radiance and new rays need.
+#[derive(Clone, Debug)]
+pub struct StoredModel {
+    /// What the source is called.
+    pub name: String,
+    vertices_mm: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    vertices: Amounts,
+    mixtures: Vec<Mixture>,
+    frame: Frame,
+    grid: SphereGrid,
+    spectral_grid: SphereGrid,
+    zones: Vec<Goniogram>,
+    total: Goniogram,
+    volume: Option<Volume>,
+    spectral: Spectral,
+}
+
+impl<'a> From<&'a StoredModel> for Light<'a> {
+    fn from(model: &'a StoredModel) -> Light<'a> {
+        Light {
+            mesh: Mesh { vertices_mm: &model.vertices_mm, triangles: &model.triangles },
+            vertices: &model.vertices,
+            mixtures: &model.mixtures,
+            frame: model.frame,
+            grid: &model.grid,
+            spectral_grid: &model.spectral_grid,
+            zones: model.zones.iter().collect(),
+            total: &model.total,
+            volume: model.volume.as_ref(),
+            spectral: &model.spectral,
+        }
+    }
+}
+
+/// The model that the two files define.
+///
+/// # Errors
+/// [`Error::Malformed`] where they are not what `lampwright` writes, or do not belong together; [`Error::Refused`] where they follow another
+/// schema, or are beyond [`Limits::max_tally_values`] or [`Limits::max_lattice_cells`].
+pub fn read(emitter: &[u8], goniograms: &[u8], limits: &Limits) -> Result<StoredModel, Error> {
+    let glb = Glb::parse(emitter)?;
+    let angles = Angles::parse(goniograms)?;
+    if glb.emitter()?.frame.frame() != angles.frame {
+        let found = "The two files do not belong together: their photometric frames differ.";
+        return Err(Error::malformed("model.not_one", found, AGAIN));
+    }
+    let spectral = spectral(&glb, &angles)?;
+    let Places { vertices_mm, triangles, vertices, mixtures, volume } =
+        Places::read(&glb, &spectral, angles.zones.len(), limits)?;
+    let Angles { name, frame, grid, spectral_grid, zones, total, .. } = angles;
+    let spectral_grid = spectral_grid.unwrap_or_else(|| grid.clone());
+    let model = StoredModel {
+        name,
+        vertices_mm,
+        triangles,
+        vertices,
+        mixtures,
+        frame,
+        grid,
+        spectral_grid,
+        zones,
+        total,
+        volume,
+        spectral,
+    };
+    check_light(&model)?;
+    Ok(model)
+}
+
+/// The bands of both files, which must be the same.
+fn spectral(glb: &Glb<'_>, angles: &Angles) -> Result<Spectral, Error> {
+    let emitter = glb.emitter()?;
+    let edges_nm = emitter.spectrum.as_ref().map(|spectrum| &spectrum.band_edges_nm);
+    if edges_nm != angles.band_edges_nm.as_ref() {
+        let found = "The two files do not belong together: their spectral bands differ.";
+        return Err(Error::malformed("model.not_one", found, AGAIN));
+    }
+    let columns = match edges_nm {
+        Some(_) => Columns::Bands,
+        None if emitter.vertex_tristimulus.is_some() => Columns::Tristimulus,
+        None => Columns::None,
+    };
+    let edges_nm = edges_nm.cloned().unwrap_or_else(|| VISIBLE_NM.to_vec());
+    let bands = Bands::new(edges_nm).filter(|bands| bands.len() <= MOST_BANDS).ok_or_else(|| {
+        let found = "The edges of the spectral bands do not increase, or are more than 4097.";
+        Error::malformed("model.bands", found, AGAIN)
+    })?;
+    Ok(Spectral { bands, columns })
+}
+
+/// There is light in a quantity that places and directions both have, and none of it is in a zone without directions.
+fn check_light(model: &StoredModel) -> Result<(), Error> {
+    let evaluator = Evaluator::of_primary(model).ok_or_else(|| {
+        let found = "The places have a flux (W, lm) whose intensities goniograms.json does not have.";
+        Error::malformed("model.quantity", found, AGAIN)
+    })?;
+    let flux = evaluator.flux();
+    if !(flux > 0.0 && flux.is_finite()) {
+        let found = "The model has no light: the fluxes of its places sum to 0, or to no number.";
+        return Err(Error::malformed("model.dark", found, AGAIN));
+    }
+    let is_dark = |zone: &usize| evaluator.is_dark(*zone);
+    let mixed = model.mixtures.iter().zip(model.vertices.primary()).filter(|(_, flux)| **flux > 0.0);
+    let dark = match model.volume {
+        Some(_) => Some(0).filter(is_dark),
+        None => mixed.flat_map(|(mixture, _)| mixture.parts().map(|(zone, _)| zone)).find(is_dark),
+    };
+    dark.map_or(Ok(()), |zone| {
+        let found = format!("Zone {zone} has light by emitter.glb and no intensity in goniograms.json.");
+        Err(Error::malformed("model.dark_zone", found, AGAIN))
+    })
+}
+
+/// The bytes of `emitter.glb` and `goniograms.json` in a `model.zip`.
+///
+/// # Errors
+/// [`Error::Malformed`], [`Error::Refused`], [`Error::Unreadable`].
+pub fn unpack(archive: impl Read + Seek) -> Result<[Vec<u8>; 2], Error> {
+    let unzipped = |error: ZipError| match error {
+        ZipError::Io(error) => Error::Unreadable(error),
+        ZipError::FileNotFound => {
+            let found = "The archive holds no model: emitter.glb or goniograms.json is missing.";
+            Error::malformed("model.missing_file", found, "Give the model.zip of a job, or its folder.")
+        }
+        other => Error::malformed("model.archive", format!("The archive cannot be read: {other}."), AGAIN),
+    };
+    let mut archive = ZipArchive::new(archive).map_err(unzipped)?;
+    let mut file = |name: &str| -> Result<Vec<u8>, Error> {
+        let mut bytes = Vec::new();
+        archive.by_name(name).map_err(unzipped)?.take(MOST_BYTES + 1).read_to_end(&mut bytes)?;
+        check_size(name, bytes.len() as u64)?;
+        Ok(bytes)
+    };
+    Ok([file(FILES[0])?, file(FILES[1])?])
+}
+
+/// Refuses a file that is larger than any model needs.
+///
+/// # Errors
+/// [`Error::Refused`] above [`MOST_BYTES`].
+pub fn check_size(name: &str, bytes: u64) -> Result<(), Error> {
+    if bytes <= MOST_BYTES {
+        return Ok(());
+    }
+    let found = format!("{name} is larger than {MOST_BYTES} bytes.");
+    Err(Error::refused("model.too_large", found, "Build the model with a lower hull.resolution or wider bands."))
+}

@@ -1,0 +1,129 @@
+//! What stands before new rays in a file, and how the file lays them out.
+
+use crate::convert::Target;
+use crate::error::Error;
+use crate::formats::record::RawRay;
+use crate::formats::tm25;
+use crate::formats::tm25::Preamble;
+use crate::formats::tm25::additional::Additional;
+use crate::formats::tm25::header::{Flags, Header, SpectralId};
+use crate::formats::tm25::spectra::Spectra;
+use crate::formats::writer::{Encode, Writer};
+use crate::formats::zemax::writer as zemax;
+use crate::vocabulary::spectrum::Bands;
+use crate::vocabulary::units::Flux;
+
+/// What is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Request {
+    /// How many rays.
+    pub count: u64,
+    /// Which of all the rays that could be drawn: another seed gives other rays of the same light.
+    pub seed: u64,
+    /// The format of the file.
+    pub target: Target,
+}
+
+/// How the format lays out one ray.
+#[derive(Clone, Copy)]
+pub enum Rows {
+    /// In IES TM-25.
+    Tm25(tm25::writer::Rows),
+    /// In Zemax binary.
+    Zemax(zemax::Rows),
+}
+
+impl Rows {
+    /// Bytes per ray.
+    pub fn row_bytes(self) -> usize {
+        match self {
+            Rows::Tm25(rows) => rows.row_bytes(),
+            Rows::Zemax(rows) => rows.row_bytes(),
+        }
+    }
+
+    /// Appends one ray.
+    pub fn encode_ray(self, ray: &RawRay, into: &mut Vec<u8>) {
+        match self {
+            Rows::Tm25(rows) => rows.encode_ray(ray, into),
+            Rows::Zemax(rows) => rows.encode_ray(ray, into),
+        }
+    }
+}
+
+/// What the file says of its rays.
+pub struct Told<'a> {
+    /// What the source is called.
+    pub name: &'a str,
+    /// What was asked for.
+    pub request: Request,
+    /// W and lm of all rays.
+    pub flux: Flux,
+    /// The bands that wavelengths are drawn of.
+    pub bands: Option<&'a Bands>,
+    /// Rays have a tristimulus colour.
+    pub has_color: bool,
+}
+
+impl Told<'_> {
+    /// The bytes, and the layout of the rays that follow them.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] where the format cannot hold the rays.
+    pub fn write(&self) -> Result<(Vec<u8>, Rows), Error> {
+        let mut head = Vec::new();
+        let rows = match self.request.target {
+            Target::Tm25 => Rows::Tm25(Writer::<tm25::writer::Rows>::start(&mut head, &self.preamble())?.rows()),
+            Target::ZemaxBinary => Rows::Zemax(Writer::<zemax::Rows>::start(&mut head, &self.zemax()?)?.rows()),
+        };
+        Ok((head, rows))
+    }
+
+    /// A wavelength per ray goes with W alone: lm follow from it.
+    fn preamble(&self) -> Preamble {
+        let has_bands = self.bands.is_some();
+        let edge = |edge: Option<&f64>| edge.copied();
+        let edges_nm = self.bands.map(Bands::edges_nm).unwrap_or_default();
+        let mut texts: [String; 9] = Default::default();
+        texts[0] = self.name.to_owned();
+        texts[4] = format!("lampwright {}", env!("CARGO_PKG_VERSION"));
+        texts[7] = format!("New rays drawn from a model of the source. Seed {}.", self.request.seed);
+        let header = Header {
+            luminous_lm: self.flux.luminous_lm,
+            radiant_w: self.flux.radiant_w,
+            ray_count: self.request.count,
+            spectral_id: if has_bands { SpectralId::PerRay } else { SpectralId::None },
+            range_nm: [edge(edges_nm.first()), edge(edges_nm.last())],
+            flags: Flags {
+                radiant: self.flux.radiant_w.is_some(),
+                wavelength: has_bands,
+                luminous: self.flux.luminous_lm.is_some() && !has_bands,
+                tristimulus: self.has_color,
+                ..Flags::default()
+            },
+            texts,
+            ..Header::default()
+        };
+        Preamble::new(header, Spectra::new(Vec::new()), Additional::default())
+    }
+
+    fn zemax(&self) -> Result<zemax::Header, Error> {
+        if self.has_color {
+            let found = "Each ray has a tristimulus colour, which a Zemax file cannot hold.";
+            return Err(Error::refused("zemax.color_per_ray", found, "Write TM-25, which holds it."));
+        }
+        let count = self.request.count;
+        let ray_count = u32::try_from(count).map_err(|_| {
+            let found = format!("A Zemax file holds at most {} rays; these are {count}.", u32::MAX);
+            Error::refused("zemax.too_many_rays", found, "Write TM-25, or ask for fewer rays.")
+        })?;
+        let rows = match (self.bands, self.flux.radiant_w) {
+            (Some(_), _) => zemax::Rows::Spectral,
+            (None, Some(_)) => zemax::Rows::Radiant,
+            (None, None) => zemax::Rows::Luminous,
+        };
+        let flux = if rows == zemax::Rows::Luminous { self.flux.luminous_lm } else { self.flux.radiant_w };
+        let description = self.name.to_owned();
+        Ok(zemax::Header { ray_count, description, flux: flux.unwrap_or(0.0), wavelength_nm: None, rows })
+    }
+}

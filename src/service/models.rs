@@ -1,0 +1,185 @@
+//! Models of jobs, read back from their stored files and kept for the next request, and the new rays that are drawn from them.
+
+use crate::jobs::query::StoredArtifact;
+use crate::priority::compute;
+use crate::storage::blobs::Blobs;
+use bytes::Bytes;
+use futures::Stream;
+use futures::stream::poll_fn;
+use pipeline::{Error, Failed, Limits, NewRays, RayRequest, Stage, StoredModel, Watch};
+use std::io;
+use std::io::Write;
+use std::ops::Range;
+use std::sync::mpsc as blocking;
+use std::sync::{Arc, Mutex, PoisonError};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc, oneshot};
+use tokio_util::sync::CancellationToken;
+
+/// Models that are kept, and most bytes of the files they were read from.
+const KEPT: usize = 8;
+const KEPT_BYTES: u64 = 256 << 20;
+/// Files of new rays that are drawn at once.
+const AT_ONCE: usize = 8;
+/// Bytes that are drawn at once, and pieces of them that may wait to be sent.
+const BLOCK_BYTES: u64 = 2 << 20;
+const PIECES: usize = 2;
+
+/// Reads models, and draws rays from them.
+#[derive(Clone)]
+pub struct Models {
+    kept: Arc<Mutex<Vec<Kept>>>,
+    places: Arc<Semaphore>,
+    /// The service stops: rays end.
+    stopping: CancellationToken,
+}
+
+struct Kept {
+    digests: [String; 2],
+    byte_count: u64,
+    model: Arc<StoredModel>,
+}
+
+/// A file of new rays whose length is known, and which is drawn on a thread of its own.
+pub struct Drawing {
+    /// Bytes of the whole file.
+    pub byte_count: u64,
+    range: blocking::Sender<Range<u64>>,
+    pieces: mpsc::Receiver<io::Result<Bytes>>,
+}
+
+impl Drawing {
+    /// These bytes of the file. Dropped, the drawing ends.
+    pub fn stream(self, range: Range<u64>) -> impl Stream<Item = io::Result<Bytes>> + Send + 'static {
+        // A thread that is gone has left its piece or none: the stream then ends too early, which the client sees by the length.
+        let _ = self.range.send(range);
+        let mut pieces = self.pieces;
+        poll_fn(move |context| pieces.poll_recv(context))
+    }
+}
+
+impl Models {
+    /// None are kept yet.
+    pub fn new(stopping: CancellationToken) -> Models {
+        Models { kept: Arc::default(), places: Arc::new(Semaphore::new(AT_ONCE)), stopping }
+    }
+
+    /// Prepares new rays of the model in `files`; `None` where as many are drawn already as may be.
+    ///
+    /// # Errors
+    /// The store does not have the files, they are no model's, or the rays do not fit the format.
+    pub async fn draw(
+        &self,
+        blobs: &Blobs,
+        files: &[StoredArtifact; 2],
+        request: RayRequest,
+    ) -> Result<Option<Drawing>, Error> {
+        let Ok(place) = Arc::clone(&self.places).try_acquire_owned() else { return Ok(None) };
+        let (model, place) = self.model(blobs, files, place).await?;
+        let (begun, beginning) = oneshot::channel();
+        let (range, wanted) = blocking::channel();
+        let (sender, pieces) = mpsc::channel(PIECES);
+        let stopping = self.stopping.clone();
+        let work = move || {
+            let _place = place;
+            let rays = match NewRays::new(&*model, &model.name, request) {
+                Ok(rays) => rays,
+                Err(error) => return drop(begun.send(Err(error))),
+            };
+            // Nobody may be there any more, and then no range comes.
+            let _ = begun.send(Ok(rays.byte_count()));
+            if let Ok(range) = wanted.recv() {
+                send(&rays, range, &sender, &Stopping(stopping));
+            }
+        };
+        tokio::spawn(compute("rays", work));
+        let byte_count = beginning.await.map_err(|_| Error::Internal("the drawing of rays ended".to_owned()))??;
+        Ok(Some(Drawing { byte_count, range, pieces }))
+    }
+
+    /// The model of `files`, kept or read.
+    async fn model(
+        &self,
+        blobs: &Blobs,
+        files: &[StoredArtifact; 2],
+        place: OwnedSemaphorePermit,
+    ) -> Result<(Arc<StoredModel>, OwnedSemaphorePermit), Error> {
+        let digests = [files[0].sha256.clone(), files[1].sha256.clone()];
+        if let Some(model) = self.find(&digests) {
+            return Ok((model, place));
+        }
+        let mut bytes = Vec::with_capacity(2);
+        for file in files {
+            pipeline::check_model_size(&file.name, file.byte_count)?;
+            let read = blobs.read(&file.blob, 0..file.byte_count).await;
+            bytes.push(read.map_err(|error| Error::Unreadable(io::Error::other(error)))?);
+        }
+        let read = move || match bytes.as_slice() {
+            [emitter, goniograms] => pipeline::read_model(emitter, goniograms, &Limits::default()),
+            _ => Err(Error::Internal("a model has two files".to_owned())),
+        };
+        let model = Arc::new(compute("model", read).await.map_err(Error::from)??);
+        let byte_count = files.iter().map(|file| file.byte_count).sum();
+        self.keep(Kept { digests, byte_count, model: Arc::clone(&model) });
+        Ok((model, place))
+    }
+
+    /// A kept model, which is then the last to go.
+    fn find(&self, digests: &[String; 2]) -> Option<Arc<StoredModel>> {
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let at = kept.iter().position(|kept| kept.digests == *digests)?;
+        let found = kept.remove(at);
+        let model = Arc::clone(&found.model);
+        kept.push(found);
+        Some(model)
+    }
+
+    fn keep(&self, new: Kept) {
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.push(new);
+        while kept.len() > KEPT || kept.iter().map(|kept| kept.byte_count).sum::<u64>() > KEPT_BYTES {
+            kept.remove(0);
+        }
+    }
+}
+
+/// Draws and sends, block by block, until the client has all or is gone, or the service stops.
+fn send(rays: &NewRays<'_>, range: Range<u64>, sender: &mpsc::Sender<io::Result<Bytes>>, watch: &Stopping) {
+    let mut from = range.start;
+    while from < range.end {
+        let to = range.end.min(from + BLOCK_BYTES);
+        match pipeline::write_new_rays(rays, from..to, &mut Pieces(sender), watch) {
+            Ok(()) => from = to,
+            // Whoever does not take them is told nothing.
+            Err(Failed::Write(_)) => return,
+            Err(Failed::Read(error)) => {
+                let _ = sender.blocking_send(Err(io::Error::other(error.to_string())));
+                return;
+            }
+        }
+    }
+}
+
+/// Hands over what is written.
+struct Pieces<'a>(&'a mpsc::Sender<io::Result<Bytes>>);
+
+impl Write for Pieces<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let sent = self.0.blocking_send(Ok(Bytes::copy_from_slice(bytes)));
+        sent.map(|()| bytes.len()).map_err(|_| io::ErrorKind::BrokenPipe.into())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Nobody hears of progress; a service that stops wants no more rays.
+struct Stopping(CancellationToken);
+
+impl Watch for Stopping {
+    fn progress(&self, _: Stage, _: f64) {}
+
+    fn cancelled(&self) -> bool {
+        self.0.is_cancelled()
+    }
+}
