@@ -93,12 +93,13 @@ pub struct QualityOfModel {
 }
 
 /// A view: a plane across the main direction in front of the source (irradiance), all directions (intensity), or the source as it is
-/// seen from a side (luminance).
+/// seen from a side (luminance). The spectral ones tell six groups of neighbouring bands apart, each with about a sixth of the flux; they are
+/// left out where all light has one spectrum.
 #[derive(Serialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
 struct FigureFacts {
     /// What is compared.
-    #[schemars(extend("enum" = ["plane", "far_field", "seen"]))]
+    #[schemars(extend("enum" = ["plane", "far_field", "seen", "spectral_plane", "spectral_far_field"]))]
     view: &'static str,
     /// Distance of the plane from the front of the source, in its longest edges; null of the others.
     sizes: Option<f64>,
@@ -135,6 +136,8 @@ impl FigureFacts {
             View::Plane(sizes) => ("plane", Some(sizes), None),
             View::FarField => ("far_field", None, None),
             View::Seen(degrees) => ("seen", None, Some(degrees)),
+            View::SpectralPlane(sizes) => ("spectral_plane", Some(sizes), None),
+            View::SpectralFarField => ("spectral_far_field", None, None),
         };
         let [model_error, rays_error, noise, correlation] =
             [figure.model, figure.rays, figure.noise, figure.correlation].map(|value| rounded(value, QUALITY_DIGITS));

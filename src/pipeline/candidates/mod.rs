@@ -28,7 +28,7 @@ pub use sample::Sample;
 use sharpness::{Search, Sharp, patch};
 use std::collections::VecDeque;
 use std::f64::consts::PI;
-use verification::verify;
+use verification::{BandGroups, verify};
 
 /// A focal surface is a candidate where its light is so much sharper than on a flat source's own plane, and a sphere where it is so much
 /// sharper than on the best plane: gain of the mean logarithm of the radiance.
@@ -45,9 +45,11 @@ const FLAT: f64 = 1e-4;
 const MOST_CELLS: u32 = 64;
 /// Of fewer rays no part is held out.
 const FEWEST_RAYS: usize = 2500;
-/// Where progress stands when focal surfaces have been searched for, and when candidates have been compared.
+/// Where progress stands when focal surfaces have been searched for, when candidates have been compared, and when the model that is
+/// verified is made.
 const SEARCHED: f64 = 0.3;
-const COMPARED: f64 = 0.9;
+const COMPARED: f64 = 0.85;
+const JUDGED: f64 = 0.9;
 
 /// What was chosen.
 pub struct Chosen {
@@ -105,10 +107,16 @@ pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageW
             open.extend(more_symmetric(carrier, study.candidates[study.chosen].carrier));
         }
     }
-    if let Some((model, _)) = best {
-        verify(&model, source, &sample, &mut study, watch.part(COMPARED, 1.0))?;
+    let carrier = study.candidates[study.chosen].carrier;
+    if let Some((plain, _)) = best {
+        let groups = BandGroups::of(source, &sample.training.rays);
+        let cloud = Cloud::sampled(source, &sample.training, carrier);
+        let part = watch.part(COMPARED, JUDGED);
+        let with_spectrum = || Model::build(&cloud, None, &options, limits, |stage| Ok(part_of(part, stage)));
+        let model = if groups.is_some() { with_spectrum()? } else { plain };
+        verify(&model, source, &sample, groups.as_ref(), &mut study, watch.part(JUDGED, 1.0))?;
     }
-    Ok(Chosen { carrier: study.candidates[study.chosen].carrier, study: Some(study), sample })
+    Ok(Chosen { carrier, study: Some(study), sample })
 }
 
 /// The part of a candidate's watch that is a stage's.

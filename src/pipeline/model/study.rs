@@ -72,6 +72,17 @@ pub enum View {
     FarField,
     /// Luminance of the source as it is seen from so many degrees beside the main direction.
     Seen(f64),
+    /// Irradiance on such a plane in each of some groups of bands.
+    SpectralPlane(f64),
+    /// Intensity in each of some groups of bands.
+    SpectralFarField,
+}
+
+impl View {
+    /// Whether it tells bands apart.
+    pub fn is_spectral(self) -> bool {
+        matches!(self, View::SpectralPlane(_) | View::SpectralFarField)
+    }
 }
 
 /// Errors in one view, relative to the root mean square of what is there.
@@ -143,6 +154,8 @@ impl fmt::Display for View {
             View::Plane(sizes) => write!(f, "plane at {sizes} sizes"),
             View::FarField => write!(f, "far field"),
             View::Seen(degrees) => write!(f, "seen from {degrees} deg"),
+            View::SpectralPlane(sizes) => write!(f, "spectrum at {sizes} sizes"),
+            View::SpectralFarField => write!(f, "spectrum, far field"),
         }
     }
 }
