@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// Bytes of the header of version 2.
 const HEADER: u64 = 44;
 /// The last bytes of a whole file.
-const TRAILER: &[u8] = b"LTRFEND";
+pub const TRAILER: &[u8] = b"LTRFEND";
 /// What to do where the header cannot be meant.
 const EXPORT_AGAIN: &str = "Export the file again.";
 
