@@ -63,7 +63,7 @@ pub fn checks(facts: &Facts, found: &Inspection, fault: Option<&Fault>) -> Vec<C
         checks.extend([size(facts, found), total(facts, found), spectrum(facts, found)]);
         checks.extend(efficacy(facts, found));
         checks.extend([directions(found), order(found), ray_flux(found), noise(found), focus(found)]);
-        checks.extend([origins(found), backward(found), job(found)]);
+        checks.extend([origins(found), backward(found), beam(found), job(found)]);
     }
     checks
 }
@@ -387,6 +387,21 @@ fn backward(found: &Inspection) -> Check {
             "Check that nothing is in the way there: a housing would block that light, a model does not.",
         );
     }
+    ok(NAME, told)
+}
+
+fn beam(found: &Inspection) -> Check {
+    const NAME: &str = "rays.beam";
+    let Some(beam) = &found.beam else { return ok(NAME, "The light is in no one beam.") };
+    let round = beam.greatest_deg < 1.2 * beam.least_deg;
+    let wide = if round { String::new() } else { format!(" by {:.3}", beam.greatest_deg) };
+    let told = format!(
+        "The beam is {:.3}{wide}\u{b0} wide at half of its maximum, and holds {:.1} % of the flux. A goniogram needs steps of \
+         {:.4}\u{b0} to show it.",
+        beam.least_deg,
+        100.0 * beam.share,
+        beam.goniogram_step_deg
+    );
     ok(NAME, told)
 }
 

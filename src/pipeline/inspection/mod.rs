@@ -10,6 +10,8 @@ pub mod far_field;
 pub mod sample;
 /// Planes, boxes and spheres that origins lie on.
 pub mod origins;
+/// The beam: its axis and how wide it is.
+pub mod beam;
 /// One verdict per check.
 pub mod checks;
 /// Origins and far field of a ray file.
@@ -21,7 +23,7 @@ use crate::error::{Error, Fault};
 use crate::formats::record::{Facts, RaySet};
 use crate::rays::conversion::Conversion;
 use crate::rays::declared::open;
-use crate::rays::survey::{Reading, survey};
+use crate::rays::survey::{Reading, Survey, survey};
 use crate::rays::{Input, bands, check, totals};
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notices;
@@ -29,6 +31,7 @@ use crate::vocabulary::space::Axis;
 use crate::vocabulary::spectrum::{Bands, wider};
 use crate::vocabulary::units::{Flux, LengthUnit};
 use crate::vocabulary::watch::StageWatch;
+use beam::{Beam, BeamWidth, brightest};
 use checks::{TOLD_BY_READING, checks};
 use findings::{Check, Verdict};
 use findings::{Directions, Extent, Header, Hemisphere, Inspection, JobEstimate, MainDirection, Noise, RayFlux, Text};
@@ -221,6 +224,7 @@ impl Inspection {
             median_origin_distance_mm,
             main_direction: main_direction(evidence.focus.mean_direction(), &shares),
             hemispheres: std::array::from_fn(|k| Hemisphere { axis: Axis::ALL[k], share: shares[k] }),
+            beam: beam_width(&evidence, survey),
             job: JobEstimate::of(survey.rays_used),
             notices: notices.to_vec(),
             evidence,
@@ -264,6 +268,11 @@ fn ray_flux(evidence: &Evidence, scale: f64, radiant: bool, flux: &Flux) -> RayF
         largest_share: total.filter(|total| *total > 0.0).map_or(0.0, |total| scale * largest / total),
         effective_rays: evidence.focus.effective_rays(),
     }
+}
+
+fn beam_width(evidence: &Evidence, survey: &Survey) -> Option<BeamWidth> {
+    let rays: Vec<(DVec3, f64)> = evidence.sample.iter().map(|ray| (ray.direction, ray.weight)).collect();
+    Beam::of(&rays, brightest(&survey.directions)).map(|beam| beam.width())
 }
 
 fn main_direction(mean: DVec3, shares: &[f64; 6]) -> Option<MainDirection> {
