@@ -5,8 +5,12 @@ use crate::formats::record::{Facts, RawRay, SpectralData};
 use crate::rays::Input;
 use crate::rays::check::Checked;
 use crate::source::{Channel, Source};
+use crate::vocabulary::notice::Notices;
 use crate::vocabulary::spectrum::{Table, wider};
 use crate::vocabulary::units::Flux;
+
+/// What to do where another format cannot hold a spectrum per ray.
+pub const TO_TM25: &str = "Convert to TM-25, which holds it.";
 
 /// The light of one file to be written.
 pub struct Light<'a> {
@@ -85,6 +89,38 @@ impl<'a> Light<'a> {
             table: mark.first_table.saturating_add(raw.table),
             xz: checked.xz_lm,
             ..*raw
+        }
+    }
+
+    /// What each ray says of its colour that a file without tables, or without tristimulus values either, cannot hold.
+    pub fn too_colorful(&self, tristimulus: bool) -> Option<&'static str> {
+        match &self.spectral {
+            SpectralData::Tables(_) => Some("spectral table"),
+            SpectralData::Tristimulus if !tristimulus => Some("tristimulus colour"),
+            _ => None,
+        }
+    }
+
+    /// The one wavelength of all rays. A spectrum has no place in a file of `format`: users keep it in a file beside.
+    pub fn one_wavelength(&self, format: &str, notices: &mut Notices) -> Option<f64> {
+        let SpectralData::Table(table) = &self.spectral else { return None };
+        let line = line_nm(table);
+        if line.is_none() {
+            let told = format!("A {format} file has no place for the spectrum of its rays; keep it beside the file.");
+            notices.add("convert.spectrum_left_out", told);
+        }
+        line
+    }
+
+    /// Tells of W beside lm, where a file of `format` holds one flux.
+    pub fn tell_luminous(&self, format: &str, notices: &mut Notices) {
+        if self.has_radiant && self.has_luminous {
+            let why = match self.spectral {
+                SpectralData::Wavelength => "lm follow from W and the wavelength",
+                _ => "W were written",
+            };
+            let told = format!("Rays of a {format} file have one flux: {why}, and the lm of the file were left out.");
+            notices.add("convert.luminous_left_out", told);
         }
     }
 

@@ -5,6 +5,8 @@
 //! Zemax file), the answer is no. Where something beside the rays is lost that users keep elsewhere (one spectrum for all
 //! rays, the second of two fluxes), it is a notice.
 
+/// Where a file is written.
+mod place;
 /// Numbers that look like chance and follow from a seed.
 mod chance;
 /// What the rays of all channels carry together.
@@ -22,10 +24,11 @@ mod shuffle;
 #[cfg(test)]
 mod tests;
 
+pub use place::Place;
 pub use selection::Take;
 
 use crate::error::Error;
-use crate::formats::record::{CHUNK_RAYS, Format, RawRay, SpectralData};
+use crate::formats::record::{CHUNK_RAYS, Format, RawRay};
 use crate::formats::writer::{Encode, Writer};
 use crate::formats::{lighttools::writer as to_lighttools, tm25::writer as to_tm25, zemax::writer as to_zemax};
 use crate::options::RaysOptions;
@@ -36,16 +39,10 @@ use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::{Notice, Notices};
 use crate::vocabulary::units::Flux;
 use crate::vocabulary::watch::StageWatch;
-use light::{Light, line_nm};
+use light::Light;
 use selection::{Chooser, Sums};
 use shuffle::{PART_BYTES, Shuffle};
 use std::io;
-use std::io::{Read, Seek, Write};
-
-/// Where a file is written: shuffling reads back what was written and puts it elsewhere.
-pub trait Place: Read + Write + Seek {}
-
-impl<T: Read + Write + Seek> Place for T {}
 
 /// Formats we write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -349,38 +346,4 @@ fn held(ray: &RawRay) -> bool {
 fn too_large(index: u64) -> Error {
     let found = "A position, flux or wavelength of a ray is too large for a 32-bit number.";
     Error::refused("convert.number_too_large", found, "Check the unit of the file.").at_ray(index)
-}
-
-/// Refuses spectra by ray that a file of `format` cannot hold.
-fn refuse_color(code: &'static str, format: &str, spectral: &SpectralData, tristimulus: bool) -> Result<(), Error> {
-    let what = match spectral {
-        SpectralData::Tables(_) => "spectral table",
-        SpectralData::Tristimulus if !tristimulus => "tristimulus colour",
-        _ => return Ok(()),
-    };
-    let found = format!("Each ray has its {what}, which a {format} file cannot hold.");
-    Err(Error::refused(code, found, "Convert to TM-25, which holds it."))
-}
-
-/// The one wavelength of all rays. A spectrum has no place: users keep it in a file beside.
-fn one_wavelength(format: &str, light: &Light<'_>, notices: &mut Notices) -> Option<f64> {
-    let SpectralData::Table(table) = &light.spectral else { return None };
-    let line = line_nm(table);
-    if line.is_none() {
-        let told = format!("A {format} file has no place for the spectrum of its rays; keep it beside the file.");
-        notices.add("convert.spectrum_left_out", told);
-    }
-    line
-}
-
-/// Tells of W beside lm, where a file of `format` holds one flux.
-fn tell_luminous(format: &str, light: &Light<'_>, notices: &mut Notices) {
-    if light.has_radiant && light.has_luminous {
-        let why = match light.spectral {
-            SpectralData::Wavelength => "lm follow from W and the wavelength",
-            _ => "W were written",
-        };
-        let told = format!("Rays of a {format} file have one flux: {why}, and the lm of the file were left out.");
-        notices.add("convert.luminous_left_out", told);
-    }
 }

@@ -3,8 +3,8 @@
 //!
 //! Which part a row goes to follows from its number and the seed, so that the lengths of the parts are known before the first row.
 
-use super::Place;
 use super::chance::Chance;
+use super::place::Place;
 use std::io;
 use std::io::SeekFrom;
 

@@ -1,7 +1,6 @@
 //! What stands before the rays of a Zemax file. It holds W, or lm, or W and a wavelength per ray, and one description.
 
-use super::light::Light;
-use super::{one_wavelength, refuse_color, tell_luminous};
+use super::light::{Light, TO_TM25};
 use crate::error::Error;
 use crate::formats::record::SpectralData;
 use crate::formats::zemax::writer::{Header, Rows};
@@ -18,14 +17,17 @@ pub fn header(light: &Light<'_>, notices: &mut Notices) -> Result<Header, Error>
         Error::refused("zemax.too_many_rays", found, "Convert to TM-25, or take fewer rays (--take).")
     })?;
     let flux = if rows == Rows::Luminous { light.flux.luminous_lm } else { light.flux.radiant_w };
-    let wavelength_nm = one_wavelength("Zemax", light, notices);
+    let wavelength_nm = light.one_wavelength("Zemax", notices);
     Ok(Header { ray_count, description: light.name(), flux: flux.unwrap_or(0.0), wavelength_nm, rows })
 }
 
 /// What the rays will carry. Where W and lm are known, W is written: readers get lm from the spectrum.
 fn rows(light: &Light<'_>, notices: &mut Notices) -> Result<Rows, Error> {
-    refuse_color("zemax.color_per_ray", "Zemax", &light.spectral, false)?;
-    tell_luminous("Zemax", light, notices);
+    if let Some(what) = light.too_colorful(false) {
+        let found = format!("Each ray has its {what}, which a Zemax file cannot hold.");
+        return Err(Error::refused("zemax.color_per_ray", found, TO_TM25));
+    }
+    light.tell_luminous("Zemax", notices);
     Ok(match &light.spectral {
         SpectralData::Wavelength => Rows::Spectral,
         _ if light.has_radiant => Rows::Radiant,
