@@ -319,6 +319,10 @@ fn files_without_flux_in_any_ray_have_equal_shares_of_a_declared_flux() {
             assert_eq!(source.survey.rays_used, RAYS as u64, "{format}");
             assert_eq!(source.notices.count_of("rays.equal_shares"), 1, "{format}");
             assert_eq!(source.notices.count_of("rays.total_ratio"), 0, "{format}");
+            let declared = Declared { flux: Some(flux), ..everything(format) };
+            let found = inspect(&input(dark.clone(), declared), &Limits::default(), &NoProgress).unwrap();
+            let total = if own == 3.0 { found.flux.radiant_w } else { found.flux.luminous_lm };
+            assert!((total.unwrap() / own - 1.0).abs() < 1e-9, "{format}: {:?}", found.flux);
         }
         // One ray with flux, and the others are dropped as ever.
         if format == "Zemax binary" {

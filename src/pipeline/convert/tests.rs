@@ -3,6 +3,7 @@
 use super::light::text;
 use super::*;
 use crate::formats::bytes::digest;
+use crate::formats::record::SpectralData;
 use crate::formats::tm25::Preamble;
 use crate::formats::tm25::additional::Additional;
 use crate::formats::tm25::header::{Flags, Header, SpectralId};
@@ -12,7 +13,7 @@ use crate::rays::declared::open;
 use crate::vocabulary::declaration::{Declared, FluxOverride};
 use crate::vocabulary::spectrum::Table;
 use crate::vocabulary::watch::{NoProgress, Stage};
-use std::io::{Cursor, SeekFrom};
+use std::io::{Cursor, Read, Seek, SeekFrom, Write};
 use std::sync::Arc;
 
 fn input(bytes: Vec<u8>) -> Input {
