@@ -23,6 +23,9 @@ pub const FARTHEST_DEG: f64 = 2.5;
 const GAUSSIAN_WIDTH: f64 = 2.355;
 /// Rings of equal flux by which the profile of a beam is known.
 const RINGS: usize = 32;
+/// Rings that tell its maximum together, and those that tell where it falls below half of that.
+const PEAK_RINGS: usize = 11;
+const EDGE_RINGS: usize = 5;
 /// Standard deviations below this, rad, are rounding of f32.
 const ROUNDING: f64 = 1e-7;
 
@@ -171,22 +174,40 @@ fn half_maximum(sizes: &[(f64, f64)]) -> f64 {
             start = end;
         }
     }
-    // Three rings together, against noise.
-    let density = |k: usize| {
-        let near = profile.get(k.saturating_sub(1)..(k + 2).min(profile.len())).unwrap_or_default();
-        near.iter().map(|(_, density)| density).sum::<f64>() / near.len().max(1) as f64
-    };
-    let smooth: Vec<f64> = (0..profile.len()).map(density).collect();
-    let half = 0.5 * smooth.iter().copied().fold(0.0, f64::max);
+    let densities: Vec<f64> = profile.iter().map(|(_, density)| *density).collect();
+    let count = densities.len();
+    let at = |ring: f64, together: usize| line_through(&densities, ring, together);
+    let peak = (0..count).map(|k| at(k as f64, PEAK_RINGS)).fold(at(-0.5, PEAK_RINGS), f64::max);
+    let half = 0.5 * peak;
+    let near: Vec<f64> = (0..count).map(|k| at(k as f64, EDGE_RINGS)).collect();
     let middle = |k: usize| 0.5 * (profile[k].0 + if k > 0 { profile[k - 1].0 } else { 0.0 });
-    match smooth.iter().rposition(|density| *density >= half) {
-        Some(last) if last + 1 < smooth.len() => {
-            let share = (smooth[last] - half) / (smooth[last] - smooth[last + 1]);
+    match near.iter().rposition(|density| *density >= half) {
+        // A sharp edge is where it is; between rings of a soft one, half is reached on the way.
+        Some(last) if last + 1 < count && densities[last + 1] > 0.5 * densities[last] => {
+            let share = (near[last] - half) / (near[last] - near[last + 1]);
             middle(last) + share * (middle(last + 1) - middle(last))
         }
         Some(last) => profile[last].0,
         None => 0.0,
     }
+}
+
+/// The value at ring `at` of the straight line through `together` neighbours of it, by least squares. A Gaussian's density falls along
+/// a straight line from one ring of equal flux to the next.
+fn line_through(values: &[f64], at: f64, together: usize) -> f64 {
+    let first = (at - 0.5 * (together - 1) as f64).max(0.0) as usize;
+    let first = first.min(values.len().saturating_sub(together));
+    let window = values.iter().skip(first).take(together);
+    let middle = first as f64 + 0.5 * (values.len().min(together) as f64 - 1.0);
+    let (mut sum, mut slope, mut square) = (0.0, 0.0, 0.0);
+    for (k, value) in (first..).zip(window.clone()) {
+        let off = k as f64 - middle;
+        sum += value;
+        slope += off * value;
+        square += off * off;
+    }
+    let mean = sum / window.len().max(1) as f64;
+    if square > 0.0 { mean + (at - middle) * slope / square } else { mean }
 }
 
 #[cfg(test)]
@@ -244,6 +265,17 @@ mod tests {
             assert!((beam.goniogram_step_deg / (width_deg / 16.0) - 1.0).abs() < 0.06, "{beam:?}");
             assert!(DVec3::from_array(beam.axis).dot(axis) > 1.0 - 1e-4 && beam.share > 0.99);
         }
+    }
+
+    /// An even cone with 4 % of the light around it.
+    #[test]
+    fn stray_light_does_not_move_a_sharp_edge() {
+        let cap = |even: &mut Even, deg: f64| (1.0 - even.next() * (1.0 - deg.to_radians().cos())).acos();
+        let beam = measured(DVec3::Z, |even| {
+            let deg = if even.next() < 0.04 { 18.0 } else { 5.0 };
+            (cap(even, deg), TAU * even.next())
+        });
+        assert!((beam.least_deg / 10.0 - 1.0).abs() < 0.05, "{beam:?}");
     }
 
     /// cos θ is 1/2 at 60°; an even cone ends at its edge; both are flat or steep where a Gaussian is not.

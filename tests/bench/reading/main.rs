@@ -4,10 +4,10 @@
 //! `survey FILE THREADS` checks them too, as every job and inspection does. Both print seconds, taken inside.
 
 use pipeline::convert::{Target, Wanted, convert};
-use pipeline::formats::open;
 use pipeline::formats::record::{Bytes, RaySet};
 use pipeline::inspection::observed;
 use pipeline::known_sources::{by_name, write_tm25};
+use pipeline::rays::declared::open;
 use pipeline::vocabulary::spectrum::Bands;
 use pipeline::vocabulary::watch::StageWatch;
 use pipeline::{Declared, Input, Limits, NoProgress, Stage};
