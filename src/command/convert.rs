@@ -1,34 +1,46 @@
-//! `convert`: a ray file as another, for programs that read only one of them.
+//! `convert`: ray files as another one, for programs that read only one of them, or only one file, or not so many rays.
 
 use super::channel_argument;
 use super::channel_argument::ChannelFile;
 use super::inspect::notice_rows;
 use super::terminal::failure::Failure;
-use super::terminal::output;
 use super::terminal::progress::Progress;
 use super::terminal::table::{Table, count, flux};
+use super::terminal::{measure, output};
 use clap::{Args, ValueEnum};
-use pipeline::convert::{Converted, Failed, Target};
+use pipeline::convert::{Converted, Failed, Take, Target, Wanted};
 use pipeline::vocabulary::watch::StageWatch;
-use pipeline::{Input, Limits, Stage, convert};
-use std::fs::OpenOptions;
-use std::io::{BufWriter, Write};
+use pipeline::{Input, Limits, Stage, Total, convert};
+use std::fs;
+use std::fs::{File, OpenOptions};
 use std::path::{Path, PathBuf};
-use std::{fs, io};
 
 /// Arguments of `convert`.
 #[derive(Args)]
 pub struct Arguments {
-    /// The ray file, in any supported format; FILE:MEMBER names a file in an archive. Values after a comma override what the file
-    /// says.
-    #[arg(value_name = "FILE[,KEY=VALUE]..", value_parser = channel_argument::channel, long_help = channel_argument::HELP)]
-    file: ChannelFile,
-    /// The file to write: .tm25ray is IES TM-25, .dat and .sdf are Zemax binary.
+    /// Ray files of one source, in any supported format, which become one file; FILE:MEMBER names a file in an archive. Values after
+    /// a comma override what the file says.
+    #[arg(required = true, value_name = "FILE[,KEY=VALUE]..", value_parser = channel_argument::channel, long_help = channel_argument::HELP)]
+    files: Vec<ChannelFile>,
+    /// Total flux of the source, of which every file has a share, for example 1.2W or 337lm.
+    #[arg(long, value_name = "FLUX", value_parser = channel_argument::total)]
+    total: Option<Total>,
+    /// The file to write: .tm25ray is IES TM-25, .dat and .sdf are Zemax binary, .ray is LightTools binary.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Format to write [default: follows from the extension].
     #[arg(long, value_enum)]
     format: Option<OutputFormat>,
+    /// Write the rays in random order; the same seed gives the same order. The file may be larger than memory: it is shuffled on
+    /// the disk, in parts of 64 MiB.
+    #[arg(long, value_name = "SEED")]
+    shuffle: Option<u64>,
+    /// Write so many rays, picked at random from all of them, with their flux scaled so that the total of each file stays.
+    #[arg(long, value_name = "N", value_parser = measure::at_least_one::<u64>)]
+    take: Option<u64>,
+    /// Which rays --take picks; the same seed picks the same rays.
+    #[arg(long, value_name = "SEED", default_value_t = 1, requires = "take")]
+    take_seed: u64,
     /// Replace the file if it exists.
     #[arg(long)]
     force: bool,
@@ -39,6 +51,8 @@ pub struct Arguments {
 pub enum OutputFormat {
     Tm25,
     Zemax,
+    #[value(name = "lighttools")]
+    LightTools,
 }
 
 impl OutputFormat {
@@ -47,6 +61,7 @@ impl OutputFormat {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "tm25ray" | "tm25" => Some(OutputFormat::Tm25),
             "dat" | "sdf" => Some(OutputFormat::Zemax),
+            "ray" => Some(OutputFormat::LightTools),
             _ => None,
         }
     }
@@ -56,6 +71,7 @@ impl OutputFormat {
         match self {
             OutputFormat::Tm25 => Target::Tm25,
             OutputFormat::Zemax => Target::ZemaxBinary,
+            OutputFormat::LightTools => Target::LightToolsBinary,
         }
     }
 
@@ -64,6 +80,7 @@ impl OutputFormat {
         match self {
             OutputFormat::Tm25 => "IES TM-25",
             OutputFormat::Zemax => "Zemax binary",
+            OutputFormat::LightTools => "LightTools binary",
         }
     }
 }
@@ -71,13 +88,19 @@ impl OutputFormat {
 /// Writes the other file and prints what became of the rays.
 ///
 /// # Errors
-/// The file cannot be read, is refused or does not fit the format; the output file exists; or the disk refuses an operation.
+/// A file cannot be read, is refused or does not fit the format; the output file exists; or the disk refuses an operation.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let path = &arguments.output;
     let format = destination(path, arguments.format, arguments.force)?;
-    let input = arguments.file.open()?;
-    let converted = write(&input, format.target(), path)?;
-    output::print(summary(&input, &converted, format, path))
+    let inputs = arguments.files.iter().map(ChannelFile::open).collect::<Result<Vec<Input>, Failure>>()?;
+    let wanted = Wanted {
+        target: format.target(),
+        total: arguments.total,
+        take: arguments.take.map(|rays| Take { rays, seed: arguments.take_seed }),
+        shuffle: arguments.shuffle,
+    };
+    let converted = write(&inputs, &wanted, path)?;
+    output::print(summary(&inputs, &converted, format, path))
 }
 
 /// The format of a ray file to be written, which must not exist yet unless it may be replaced.
@@ -88,7 +111,7 @@ pub fn destination(path: &Path, format: Option<OutputFormat>, force: bool) -> Re
     let place = || path.display().to_string();
     let format = format.or_else(|| OutputFormat::of(path)).ok_or_else(|| {
         let found = "The extension of the output file does not name a format.";
-        Failure::usage("convert.format", found, "Use the extension .tm25ray, .dat or .sdf, or give --format.")
+        Failure::usage("convert.format", found, "Use the extension .tm25ray, .dat, .sdf or .ray, or give --format.")
             .at(place())
     })?;
     if path.exists() && !force {
@@ -98,15 +121,15 @@ pub fn destination(path: &Path, format: Option<OutputFormat>, force: bool) -> Re
     Ok(format)
 }
 
-fn write(input: &Input, target: Target, path: &Path) -> Result<Converted, Failure> {
+fn write(inputs: &[Input], wanted: &Wanted, path: &Path) -> Result<Converted, Failure> {
     let progress = Progress::start_reading();
-    let converted = write_whole(path, |out| {
+    let converted = write_whole(path, |file| {
         let watch = StageWatch::enter(&progress, Stage::Rays)?;
-        convert::convert(input, target, &Limits::default(), out, watch)
+        convert::convert(inputs, wanted, &Limits::default(), file, watch)
     });
     progress.finish();
     converted.map_err(|failed| match failed {
-        Failed::Read(error) => Failure::from(error).at(&input.name),
+        Failed::Read(error) => Failure::from(error).at(names(inputs)),
         Failed::Write(error) => Failure::disk(path, &error),
     })
 }
@@ -116,14 +139,13 @@ fn write(input: &Input, target: Target, path: &Path) -> Result<Converted, Failur
 ///
 /// # Errors
 /// Those of `fill`, or of the disk.
-pub fn write_whole<T>(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<T, Failed>) -> Result<T, Failed> {
+pub fn write_whole<T>(path: &Path, fill: impl FnOnce(&mut File) -> Result<T, Failed>) -> Result<T, Failed> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let part = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
-    let file = OpenOptions::new().write(true).create_new(true).open(&part)?;
+    let mut file = OpenOptions::new().read(true).write(true).create_new(true).open(&part)?;
     let filled = || {
-        let mut out = BufWriter::with_capacity(1 << 20, file);
-        let filled = fill(&mut out)?;
-        out.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()?;
+        let filled = fill(&mut file)?;
+        file.sync_all()?;
         fs::rename(&part, path)?;
         Ok(filled)
     };
@@ -135,15 +157,23 @@ pub fn write_whole<T>(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<T
     done
 }
 
-fn summary(input: &Input, converted: &Converted, format: OutputFormat, path: &Path) -> Table {
+fn names(inputs: &[Input]) -> String {
+    inputs.iter().map(|input| input.name.as_str()).collect::<Vec<_>>().join(" + ")
+}
+
+fn summary(inputs: &[Input], converted: &Converted, format: OutputFormat, path: &Path) -> Table {
     let written = format.name();
-    let left_out = converted.rays_read - converted.rays_written;
     let mut table = Table::default();
-    table.row("file", ["read".into(), format!("{}: {}", input.name, converted.format.name())]);
+    for (input, format) in inputs.iter().zip(&converted.formats) {
+        table.row("file", ["read".into(), format!("{}: {}", input.name, format.name())]);
+    }
     table.row("file", ["written".into(), format!("{}: {written}", path.display())]);
     table.row("rays", ["read".into(), count(converted.rays_read)]);
     table.row("rays", ["written".into(), count(converted.rays_written)]);
-    table.row("rays", ["left out".into(), count(left_out)]);
+    table.row("rays", ["left out".into(), count(converted.rays_read - converted.rays_used)]);
+    if converted.rays_written < converted.rays_used {
+        table.row("rays", ["not taken".into(), count(converted.rays_used - converted.rays_written)]);
+    }
     table.row("flux", ["in".into(), flux(converted.flux_in)]);
     table.row("flux", ["out".into(), flux(converted.flux_out)]);
     notice_rows(&mut table, &converted.notices);
@@ -153,8 +183,15 @@ fn summary(input: &Input, converted: &Converted, format: OutputFormat, path: &Pa
 #[cfg(test)]
 mod tests {
     use super::*;
+    use clap::Parser;
     use pipeline::known_sources::{by_name, write_tm25};
     use std::fs::File;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        convert: Arguments,
+    }
 
     fn lamp(folder: &Path) -> PathBuf {
         let path = folder.join("lamp.tm25ray");
@@ -164,7 +201,16 @@ mod tests {
 
     fn asked(file: &Path, output: &Path) -> Arguments {
         let file = channel_argument::channel(file.to_str().unwrap()).unwrap();
-        Arguments { file, output: output.to_owned(), format: None, force: false }
+        Arguments {
+            files: vec![file],
+            total: None,
+            output: output.to_owned(),
+            format: None,
+            shuffle: None,
+            take: None,
+            take_seed: 1,
+            force: false,
+        }
     }
 
     fn names(folder: &Path) -> Vec<String> {
@@ -178,17 +224,19 @@ mod tests {
     fn the_extension_says_the_format() {
         let folder = tempfile::tempdir().unwrap();
         let lamp = lamp(folder.path());
+        let same = fs::metadata(&lamp).unwrap().len();
+        let lighttools = 44 + 28_000 + 7;
         for (name, size) in
-            [("a.dat", 208 + 28_000), ("b.SDF", 208 + 28_000), ("c.tm25ray", fs::metadata(&lamp).unwrap().len())]
+            [("a.dat", 208 + 28_000), ("b.SDF", 208 + 28_000), ("c.tm25ray", same), ("e.ray", lighttools)]
         {
             let output = folder.path().join(name);
             run(&asked(&lamp, &output)).unwrap();
             assert_eq!(fs::metadata(&output).unwrap().len(), size, "{name}");
         }
-        assert!(run(&asked(&lamp, &folder.path().join("d.ray"))).unwrap_err().to_string().contains("convert.format"));
-        let named = Arguments { format: Some(OutputFormat::Zemax), ..asked(&lamp, &folder.path().join("d.ray")) };
+        assert!(run(&asked(&lamp, &folder.path().join("d.txt"))).unwrap_err().to_string().contains("convert.format"));
+        let named = Arguments { format: Some(OutputFormat::Zemax), ..asked(&lamp, &folder.path().join("d.txt")) };
         run(&named).unwrap();
-        assert_eq!(names(folder.path()), ["a.dat", "b.SDF", "c.tm25ray", "d.ray", "lamp.tm25ray"]);
+        assert_eq!(names(folder.path()), ["a.dat", "b.SDF", "c.tm25ray", "d.txt", "e.ray", "lamp.tm25ray"]);
     }
 
     #[test]
@@ -209,5 +257,23 @@ mod tests {
         run(&Arguments { force: true, ..asked(&lamp, &lamp) }).unwrap();
         assert!(fs::read(&lamp).unwrap() == whole);
         assert_eq!(names(folder.path()), ["damaged.tm25ray", "lamp.tm25ray", "out.dat"]);
+    }
+
+    /// Two files in one, half of their rays, in random order: each file's share of the total holds.
+    #[test]
+    fn files_are_joined_thinned_out_and_shuffled() {
+        let folder = tempfile::tempdir().unwrap();
+        let (lamp, output) = (lamp(folder.path()), folder.path().join("both.dat"));
+        let other = folder.path().join("other.tm25ray");
+        write_tm25(&by_name("flat-chip").unwrap(), 1000, 2, &mut File::create(&other).unwrap()).unwrap();
+        let share = |path: &Path, share: &str| format!("{},share={share}W", path.display());
+        let line = ["convert", &share(&lamp, "0.9"), &share(&other, "0.1"), "--total", "2W", "--take", "500"];
+        let line = line.iter().copied().chain(["--shuffle", "7", "-o", output.to_str().unwrap()]);
+        run(&Line::try_parse_from(line).unwrap().convert).unwrap();
+        let written = fs::read(&output).unwrap();
+        assert_eq!(written.len(), 208 + 28 * 500);
+        let flux = written[208..].chunks_exact(28).map(|ray| f32::from_le_bytes(ray[24..].try_into().unwrap()));
+        assert!((flux.map(f64::from).sum::<f64>() - 2.0).abs() < 1e-6);
+        assert_eq!(names(folder.path()), ["both.dat", "lamp.tm25ray", "other.tm25ray"]);
     }
 }

@@ -13,7 +13,7 @@ use pipeline::vocabulary::watch::StageWatch;
 use pipeline::{Limits, MODEL_FILES, Stage};
 use std::fs;
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `rays`.
@@ -28,7 +28,7 @@ pub struct Arguments {
     /// Seed of the random numbers: the same seed gives the same rays, another seed others of the same light.
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
-    /// The file to write: .tm25ray is IES TM-25, .dat and .sdf are Zemax binary.
+    /// The file to write: .tm25ray is IES TM-25, .dat and .sdf are Zemax binary, .ray is LightTools binary.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Format to write [default: follows from the extension].
@@ -63,11 +63,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let request = Request { count: of, seed: arguments.seed, target: format.target() };
     let rays = NewRays::new(&model, &model.name, request)?;
     let from = if arguments.first == 0 { 0 } else { rays.byte_of_ray(arguments.first) };
-    let bytes = from..rays.byte_of_ray(last);
+    let bytes = from..if last == of { rays.byte_count() } else { rays.byte_of_ray(last) };
     let progress = Progress::start_reading();
-    let written = write_whole(path, |out| {
+    let written = write_whole(path, |file| {
         let watch = StageWatch::enter(&progress, Stage::Rays)?;
-        rays.write(bytes.clone(), out, watch)
+        let mut out = BufWriter::with_capacity(1 << 20, file);
+        rays.write(bytes.clone(), &mut out, watch)?;
+        Ok(out.flush()?)
     });
     progress.finish();
     written.map_err(|failed| match failed {

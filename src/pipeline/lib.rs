@@ -125,12 +125,12 @@ pub fn header(input: &Input, limits: &Limits) -> Result<Header, Error> {
 }
 
 /// Whether files can be one source, as their headers tell: what [`run`] would refuse before it reads a ray. Each file is its
-/// name, its SHA-256, what its header claims and what was declared of it.
+/// name, its SHA-256, what its header claims and what was declared of it. The answer is what [`run`] would tell of them together.
 ///
 /// # Errors
 /// [`Error::Refused`], [`Error::Unusable`], at the channel and the field.
-pub fn judge(files: &[(&str, &str, &Claims, &Declared)], total: Option<Total>) -> Result<(), Error> {
-    source::channels::judge_claims(files, total)
+pub fn judge(files: &[(&str, &str, &Claims, &Declared)], total: Option<Total>) -> Result<Vec<Notice>, Error> {
+    source::channels::judge_claims(files, total).map(|notices| notices.to_vec())
 }
 
 /// Most memory that [`run`] is expected to need on `threads` threads; the files by what their headers claim and what was

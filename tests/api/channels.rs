@@ -224,3 +224,27 @@ async fn stored_headers_decide_units_and_quantities() {
     .await;
     assert_eq!(post(json!({})).await, is("accepted", ""));
 }
+
+/// A client learns before the computation that channels can hardly belong together: by a dry run, and in the answer to the job.
+#[tokio::test(flavor = "multi_thread")]
+async fn channels_that_can_hardly_belong_together_are_told_before_the_job() {
+    let gate = Gate::new();
+    let site = Site::start(held(&gate)).await;
+    let mut in_cm = plain(1001, false);
+    in_cm[136..140].copy_from_slice(&2_i32.to_le_bytes());
+    let [mm, cm] = [site.upload(plain(1000, false)).await.id(), site.upload(in_cm).await.id()];
+    let post = async |address: &str, other: Value| {
+        let reply = site.post(address, &json!({"channels": [{"ray_set": mm}, other]})).await.json();
+        let told = |notice: &Value| notice["code"].as_str().unwrap().to_owned();
+        (reply["notices"].as_array().unwrap().iter().map(told).collect::<Vec<_>>(), reply)
+    };
+    for address in ["/v1/jobs?dry_run=true", "/v1/jobs"] {
+        let (told, reply) = post(address, json!({"ray_set": cm})).await;
+        assert_eq!(told, ["rays.channel_sizes"], "{reply}");
+        assert!(reply["notices"][0]["message"].as_str().unwrap().contains("mm and cm"), "{reply}");
+        // With the unit that was meant there is nothing to tell.
+        let (told, reply) = post(address, json!({"ray_set": cm, "length_unit": "mm"})).await;
+        assert_eq!(told, Vec::<String>::new(), "{reply}");
+    }
+    gate.open();
+}

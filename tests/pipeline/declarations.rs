@@ -283,6 +283,57 @@ fn rays_without_flux_have_equal_shares_of_a_declared_flux_on_request() {
     }
 }
 
+/// Every format whose flux fields are all 0: the same where a flux is declared, and asked for where none is.
+#[test]
+fn files_without_flux_in_any_ray_have_equal_shares_of_a_declared_flux() {
+    for (format, written, _) in FORMATS {
+        let good = written((Fact::Columns, Word::Good));
+        let dark = if is_text(format) {
+            String::from_utf8(good).unwrap().replace(" 0 0 1 2\n", " 0 0 1 0\n").into_bytes()
+        } else {
+            let (start, record, at) = match format {
+                "IES TM-25" => (good.len() - 28 * RAYS, 28, 24),
+                "Zemax binary" => (208, 28, 24),
+                "LightTools binary" => (44, 28, 24),
+                "Speos" => (28, 32, 28),
+                _ => (140, 28, 24),
+            };
+            let mut bytes = good;
+            for ray in bytes[start..].chunks_exact_mut(record) {
+                ray[at..at + 4].fill(0);
+            }
+            bytes
+        };
+        let without = Declared { flux: None, quantity: None, columns: None, spectrum: None, ..everything(format) };
+        let asked = read(dark.clone(), Declared { quantity: everything(format).quantity, ..without.clone() });
+        let error = asked.err().unwrap_or_else(|| panic!("{format}"));
+        assert!(
+            error.code() == "rays.none_usable" && error.to_string().contains("Declare its flux"),
+            "{format}: {error}"
+        );
+        for (flux, own) in [(FluxOverride::RadiantW(3.0), 3.0), (FluxOverride::LuminousLm(50.0), 50.0)] {
+            let source = read(dark.clone(), Declared { flux: Some(flux), ..without.clone() });
+            let source = source.unwrap_or_else(|error| panic!("{format}: {error}"));
+            let found = if own == 3.0 { source.flux.radiant_w } else { source.flux.luminous_lm };
+            assert!((found.unwrap() / own - 1.0).abs() < 1e-9, "{format}: {:?}", source.flux);
+            assert_eq!(source.survey.rays_used, RAYS as u64, "{format}");
+            assert_eq!(source.notices.count_of("rays.equal_shares"), 1, "{format}");
+            assert_eq!(source.notices.count_of("rays.total_ratio"), 0, "{format}");
+            let declared = Declared { flux: Some(flux), ..everything(format) };
+            let found = inspect(&input(dark.clone(), declared), &Limits::default(), &NoProgress).unwrap();
+            let total = if own == 3.0 { found.flux.radiant_w } else { found.flux.luminous_lm };
+            assert!((total.unwrap() / own - 1.0).abs() < 1e-9, "{format}: {:?}", found.flux);
+        }
+        // One ray with flux, and the others are dropped as ever.
+        if format == "Zemax binary" {
+            let mut one = dark;
+            one[208 + 28 * 70 + 24..][..4].copy_from_slice(&1.0_f32.to_le_bytes());
+            let source = read(one, Declared { flux: Some(FluxOverride::RadiantW(3.0)), ..without }).unwrap();
+            assert_eq!((source.survey.rays_used, source.notices.count_of("rays.equal_shares")), (1, 0));
+        }
+    }
+}
+
 #[test]
 fn sums_beyond_what_a_model_holds_are_refused_and_can_be_declared() {
     let mut bytes = zemax((Fact::Columns, Word::Good));

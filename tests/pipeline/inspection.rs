@@ -6,6 +6,8 @@ use pipeline::known_sources::write_tm25;
 use pipeline::{
     Declared, Input, Inspection, Limits, NoProgress, Options, Table, Verdict, drawings, inspect, known_sources, run,
 };
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde_json::Value;
 use std::sync::Arc;
 
@@ -160,6 +162,40 @@ fn what_is_wrong_is_said() {
     conforms(&found);
     assert_eq!((found.verdict, found.rays_used, found.focus), (Verdict::Wrong, 0, None));
     assert!(drawings(&found, "dark").is_empty());
+}
+
+/// Beams through a file and all of the inspection: I = exp(-4 ln 2 (theta/w)^2) is half of its maximum at w/2, cos theta at 60 degrees.
+#[test]
+fn beams_have_the_width_they_were_made_with() {
+    let mut random = ChaCha8Rng::seed_from_u64(4);
+    let mut even = || f64::from(random.next_u32()) / 4_294_967_296.0;
+    for width_deg in [1.0_f64, 3.0, 10.0, 30.0] {
+        let sigma = width_deg.to_radians() / (8.0 * 2.0_f64.ln()).sqrt();
+        let mut rays: Vec<[f64; 7]> = Vec::new();
+        while rays.len() < 60_000 {
+            // A flat Gaussian, thinned out by sin theta / theta; its axis is (0, 0.6, 0.8).
+            let theta = sigma * (-2.0 * (1.0 - even()).ln()).sqrt();
+            let (sin, cos) = theta.sin_cos();
+            if theta < 3.0 && even() * theta <= sin {
+                let (side, up) = (std::f64::consts::TAU * even()).sin_cos();
+                let [across, along] = [sin * up, sin * side];
+                let direction = [across, 0.6 * cos + 0.8 * along, 0.8 * cos - 0.6 * along];
+                rays.push([even(), even(), 0.0, direction[0], direction[1], direction[2], 1.0]);
+            }
+        }
+        let found = seen(zemax(4, &rays));
+        conforms(&found);
+        let beam = found.beam.unwrap();
+        for width in [beam.least_deg, beam.greatest_deg] {
+            assert!((width / width_deg - 1.0).abs() < 0.05, "{width} instead of {width_deg}");
+        }
+        assert!((16.0 * beam.goniogram_step_deg / width_deg - 1.0).abs() < 0.06, "{beam:?}");
+        assert!(DVec3::from_array(beam.axis).dot(DVec3::new(0.0, 0.6, 0.8)) > 0.9999);
+        let told = found.checks.iter().find(|check| check.check == "rays.beam").unwrap();
+        assert!(told.verdict == Verdict::Ok && told.message.contains(&format!("{:.3}", beam.least_deg)), "{told:?}");
+    }
+    let chip = seen(known("flat-chip", 50_000)).beam.unwrap();
+    assert!((chip.least_deg / 120.0 - 1.0).abs() < 0.05 && chip.goniogram_step_deg == 2.5, "{chip:?}");
 }
 
 /// Origins slid 2 mm up their rays: the plane they lie on is no longer the chips'.

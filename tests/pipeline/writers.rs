@@ -1,6 +1,7 @@
 //! Writing and reading are each other's inverse: what is drawn from a seed comes back as it was, and the bytes we wrote are the
 //! bytes we write of what was read from them.
 
+use pipeline::formats::lighttools::writer as lighttools;
 use pipeline::formats::record::{Facts, RawRay, SpectralData};
 use pipeline::formats::tm25;
 use pipeline::formats::tm25::additional::Additional;
@@ -260,4 +261,86 @@ fn a_zemax_file_by_the_vendors_table() {
     let numbers: Vec<f32> =
         bytes[208..].chunks_exact(4).map(|word| f32::from_le_bytes(word.try_into().unwrap())).collect();
     assert_eq!(numbers, [1.0, 2.0, 3.0, 0.0, 0.0, 1.0, 0.25, 0.5]);
+}
+
+fn lighttools_bytes(header: &lighttools::Header, rays: &[RawRay]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut writer = lighttools::Writer::start(&mut bytes, header).unwrap();
+    let mut rows = Vec::new();
+    rays.iter().for_each(|ray| writer.rows().encode_ray(ray, &mut rows));
+    writer.write(&rows).unwrap();
+    writer.finish().unwrap();
+    bytes
+}
+
+/// The header that was read, from what the reader tells of it.
+fn lighttools_header(facts: &Facts) -> lighttools::Header {
+    let color = match facts.spectral {
+        SpectralData::Tristimulus => lighttools::Color::Tristimulus,
+        SpectralData::Wavelength => lighttools::Color::Wavelength,
+        _ => lighttools::Color::None,
+    };
+    let rows = lighttools::Rows { luminous: facts.has_luminous, color };
+    lighttools::Header { ray_count: facts.ray_count, flux: facts.header_flux.primary(), rows }
+}
+
+#[test]
+fn lighttools_is_read_as_it_was_written_and_written_as_it_was_read() {
+    use lighttools::Color;
+    let kinds = [
+        (false, Color::None),
+        (true, Color::None),
+        (false, Color::Wavelength),
+        (true, Color::Wavelength),
+        (true, Color::Tristimulus),
+    ];
+    for seed in 0..FILES {
+        for (luminous, color) in kinds {
+            let mut draw = Draw::new(2000 + seed);
+            let rays: Vec<RawRay> = (0..=draw.below(30))
+                .map(|_| RawRay {
+                    origin_mm: draw.numbers(),
+                    direction: draw.numbers(),
+                    radiant: if luminous { 0.0 } else { draw.number() },
+                    luminous: if luminous { draw.number() } else { 0.0 },
+                    wavelength_nm: match color {
+                        Color::Wavelength => f64::from(draw.below(1_000_000) as f32 / 64.0 + 100.0),
+                        _ => 0.0,
+                    },
+                    xz: if color == Color::Tristimulus { draw.numbers() } else { [0.0; 2] },
+                    ..RawRay::default()
+                })
+                .collect();
+            let rows = lighttools::Rows { luminous, color };
+            let flux = draw.total().unwrap_or(1.5);
+            let header = lighttools::Header { ray_count: rays.len() as u64, flux, rows };
+            let bytes = lighttools_bytes(&header, &rays);
+            let (facts, found) = opened(&bytes);
+            assert_eq!(found, rays, "seed {seed}");
+            assert_eq!(facts.notices, Notices::default());
+            assert_eq!(lighttools_header(&facts), header, "seed {seed}");
+            assert!(lighttools_bytes(&lighttools_header(&facts), &found) == bytes, "seed {seed}: other bytes");
+        }
+    }
+}
+
+/// Every field at its place (pipeline/formats/README.md 3).
+#[test]
+fn a_lighttools_file_by_its_table() {
+    let ray = RawRay {
+        origin_mm: [1.0, 2.0, 3.0],
+        direction: [0.0, 0.0, 1.0],
+        luminous: 0.25,
+        wavelength_nm: 500.0,
+        ..RawRay::default()
+    };
+    let rows = lighttools::Rows { luminous: true, color: lighttools::Color::Wavelength };
+    let bytes = lighttools_bytes(&lighttools::Header { ray_count: 1, flux: 0.25, rows }, &[ray]);
+    assert!(bytes.starts_with(b"LTRF") && bytes.ends_with(b"LTRFEND"));
+    assert_eq!(bytes.len(), 44 + 32 + 7);
+    let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+    assert_eq!([4, 8, 12, 16, 20, 24, 28, 32, 36].map(word), [2, 0, 1, 0, 2, 1, 0, 0, 0]);
+    let numbers: Vec<f32> =
+        bytes[40..76].chunks_exact(4).map(|word| f32::from_le_bytes(word.try_into().unwrap())).collect();
+    assert_eq!(numbers, [0.25, 1.0, 2.0, 3.0, 0.0, 0.0, 1.0, 0.25, 500.0]);
 }

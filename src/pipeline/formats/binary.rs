@@ -2,6 +2,7 @@
 
 use super::record::{Bytes, RawRay, Records};
 use crate::error::Error;
+use crate::vocabulary::notice::Notices;
 use std::sync::Arc;
 
 /// One record, as words.
@@ -15,6 +16,20 @@ pub fn float(record: &Words, k: usize) -> f64 {
 /// Three numbers of a record from `k`, each times `scale`.
 pub fn triple(record: &Words, k: usize, scale: f64) -> [f64; 3] {
     [k, k + 1, k + 2].map(|k| float(record, k) * scale)
+}
+
+/// Whether a quantity is lm, by the number that Zemax and LightTools have for it under a name of their own; one that does not exist is
+/// told, and says nothing.
+pub fn in_lumens(stored: i32, code: &'static str, name: &str, notices: &mut Notices) -> Option<bool> {
+    match stored {
+        0 => Some(false),
+        1 => Some(true),
+        _ => {
+            let told = format!("The {name} is {stored}; only 0 (W) and 1 (lm) exist, so the quantity is not said.");
+            notices.add(code, told);
+            None
+        }
+    }
 }
 
 /// Records of `words` numbers from byte `start`; `ray` gives them their meaning.

@@ -17,7 +17,7 @@ pub mod tm25;
 /// Zemax / OpticStudio source files, binary and text.
 pub mod zemax;
 /// LightTools ray files, binary and text.
-mod lighttools;
+pub mod lighttools;
 /// Speos / OPTIS ray files.
 mod speos;
 /// ASAP .dis ray files.

@@ -45,3 +45,26 @@ pub fn directions_hold(bytes: &dyn Bytes, start: u64, record_bytes: u64, ray_cou
     let held = block.chunks_exact(record_bytes as usize).filter(|record| is_unit_at(record, 12)).count();
     Ok(looked > 0 && 10 * held >= 9 * looked)
 }
+
+/// Most bytes that a header is padded with beyond its layout.
+const MOST_PADDING: u64 = 64 << 10;
+
+/// Where `ray_count` records that end with the file begin, if a writer has padded the header beyond its layout: from byte `from` there
+/// is nothing but zeros before them, and their directions hold. `least` is where they would begin without.
+///
+/// # Errors
+/// [`Error::Unreadable`].
+pub fn counted_back(
+    bytes: &dyn Bytes,
+    from: u64,
+    least: u64,
+    record_bytes: u64,
+    ray_count: u64,
+) -> Result<Option<u64>, Error> {
+    let start = ray_count.checked_mul(record_bytes).and_then(|body| bytes.len().checked_sub(body));
+    let Some(start) = start.filter(|start| *start > least && *start - from <= MOST_PADDING) else { return Ok(None) };
+    let mut padding = vec![0; (start - from) as usize];
+    bytes.read_at(from, &mut padding)?;
+    let zeros = padding.iter().all(|byte| *byte == 0);
+    Ok((zeros && directions_hold(bytes, start, record_bytes, ray_count)?).then_some(start))
+}

@@ -112,7 +112,7 @@ impl Header {
         match self.length_unit {
             None => {
                 let told = format!(
-                    "A metre is \"{stored}\" of the file's length units; no unit we know has this length. It has to be declared."
+                    "A metre is \"{stored}\" of the file's length units; no unit we know has this length, so it is not said."
                 );
                 self.told.add("prosource.unit", told);
             }

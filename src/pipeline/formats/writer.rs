@@ -10,6 +10,10 @@ pub trait Encode: Sync {
     fn row_bytes(&self) -> usize;
     /// Appends one ray, rounded to what the format holds. [`RawRay::table`] counts from 0.
     fn encode_ray(&self, ray: &RawRay, rows: &mut Vec<u8>);
+    /// What stands after the last ray.
+    fn end(&self) -> &'static [u8] {
+        &[]
+    }
 }
 
 /// A ray file being written; each format has its own `start`.
@@ -51,6 +55,7 @@ impl<'a, R: Encode + Copy> Writer<'a, R> {
         if self.rays_left > 0 {
             return Err(io::Error::new(io::ErrorKind::InvalidInput, "fewer rays than announced"));
         }
+        self.out.write_all(self.rows.end())?;
         self.out.flush()
     }
 }

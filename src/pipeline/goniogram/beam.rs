@@ -1,5 +1,6 @@
 //! How wide the beam is, which decides how fine its grid must be.
 
+use crate::inspection::beam::{Beam as Bundle, FARTHEST_DEG, NARROWEST_DEG, NODES_IN_BEAM};
 use crate::rays::direction_cube::DirectionCube;
 use glam::DVec3;
 use std::f64::consts::TAU;
@@ -51,23 +52,11 @@ impl Beam {
     }
 }
 
-/// Rays within so many times the half width of a beam belong to it.
-const REACH: f64 = 4.0;
-/// Rounds in which axis and half width of a beam are found, from this width on, degrees.
-const ROUNDS: usize = 24;
-const WIDEST_DEG: f64 = 90.0;
-/// Beams narrower than this, degrees, have nodes of their own, ...
+/// Beams narrower than this, degrees, have nodes of their own.
 const NARROW_DEG: f64 = 40.0;
-/// ... and those narrower than this are written as wide as this: intensities of parallel light have no other meaning.
-const NARROWEST_DEG: f64 = 0.02;
-/// Fewer rays tell nothing of a beam, and this part of all must belong to it.
-const FEWEST_RAYS: usize = 200;
-const LEAST_PART: f64 = 0.5;
-/// Nodes of γ in the full width at half maximum, how far from the middle they lie so close, in full widths, and how they grow apart beyond.
-const NODES_IN_BEAM: f64 = 16.0;
+/// How far from the middle nodes of γ lie close together, in full widths, and how they grow apart beyond.
 const CLOSE: f64 = 1.5;
 const GROWTH: f64 = 1.12;
-const FARTHEST_DEG: f64 = 2.5;
 /// C planes: at least, at most, and steps of C in the beam's width where it crosses the farthest γ of the beam.
 const C_PLANES: (f64, f64) = (72.0, 180.0);
 const C_STEPS_IN_BEAM: f64 = 6.0;
@@ -82,49 +71,10 @@ pub struct NarrowBeam {
 impl NarrowBeam {
     /// Of rays (unit directions and weights), most of them near the `brightest` direction; `None` where they are no narrow beam. γ = 0 at `nadir`.
     pub fn of(rays: &[(DVec3, f64)], brightest: DVec3, nadir: DVec3) -> Option<NarrowBeam> {
-        let total: f64 = rays.iter().map(|(_, weight)| weight).sum();
-        let (mut axis, mut reach) = (brightest, WIDEST_DEG.to_radians());
-        let angle = |axis: DVec3, direction: DVec3| axis.cross(direction).length().atan2(axis.dot(direction));
-        let mut within: Vec<(f64, f64)> = Vec::new();
-        for _ in 0..ROUNDS {
-            let near = || rays.iter().filter(|(direction, _)| angle(axis, *direction) <= reach);
-            axis = near().map(|(direction, weight)| *weight * *direction).sum::<DVec3>().normalize_or(axis);
-            let near = || rays.iter().map(|(direction, weight)| (angle(axis, *direction), *weight));
-            within = near().filter(|(off, _)| *off <= reach).collect();
-            within.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-            let all: f64 = within.iter().map(|(_, weight)| weight).sum();
-            let mut seen = 0.0;
-            let half = within.iter().find(|(_, weight)| {
-                seen += weight;
-                2.0 * seen >= all
-            });
-            let (half_width, _) = half?;
-            let next = (REACH * half_width).max(NARROWEST_DEG.to_radians());
-            if next > WIDEST_DEG.to_radians() {
-                return None;
-            }
-            reach = next;
-        }
-        let part: f64 = within.iter().map(|(_, weight)| weight).sum::<f64>() / total;
-        if within.len() < FEWEST_RAYS || part < LEAST_PART {
-            return None;
-        }
-        // Second moments across the axis; of a Gaussian the full width is 2.355 standard deviations.
-        let (u, v) = axis.any_orthonormal_pair();
-        let (mut moments, mut weights) = ([0.0; 3], 0.0);
-        for (direction, weight) in rays.iter().filter(|(direction, _)| angle(axis, *direction) <= reach) {
-            let (x, y) = (direction.dot(u), direction.dot(v));
-            moments = [moments[0] + weight * x * x, moments[1] + weight * x * y, moments[2] + weight * y * y];
-            weights += weight;
-        }
-        let [xx, xy, yy] = moments.map(|moment| moment / weights);
-        let (mean, spread) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
-        let width_deg = |variance: f64| (2.355 * variance.max(0.0).sqrt()).to_degrees().max(NARROWEST_DEG);
-        let beam = NarrowBeam {
-            least_deg: width_deg(mean - spread),
-            greatest_deg: width_deg(mean + spread),
-            axis_deg: angle(nadir, axis).to_degrees(),
-        };
+        let bundle = Bundle::of(rays, brightest).filter(|bundle| !bundle.wide)?;
+        let (least_deg, greatest_deg) = bundle.gaussian_widths_deg();
+        let axis_deg = nadir.cross(bundle.axis).length().atan2(nadir.dot(bundle.axis)).to_degrees();
+        let beam = NarrowBeam { least_deg, greatest_deg, axis_deg };
         (beam.least_deg < NARROW_DEG).then_some(beam)
     }
 

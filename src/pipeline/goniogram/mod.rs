@@ -30,8 +30,8 @@ use crate::flux::Surface;
 use crate::flux::project::Landing;
 use crate::flux::tally::{Deposit, Quanta};
 use crate::hull::{Carrier, Cloud, Hull};
+use crate::inspection::beam::brightest;
 use crate::inspection::sample::hash;
-use crate::rays::direction_cube::DirectionCube;
 use crate::source::Ray;
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notices;
@@ -245,12 +245,8 @@ fn narrow_beam(cloud: &Cloud<'_>, frame: &Frame, sample: &[Ray], options: &Gonio
     if asked || options.zoning() == ZoneLayout::Paper {
         return None;
     }
-    let directions = &cloud.source.survey.directions;
-    let intensity = |cell: usize| directions.flux[cell] / DirectionCube::solid_angle_sr(cell);
-    let brightest =
-        (0..DirectionCube::CELLS).fold(0, |best, cell| if intensity(cell) > intensity(best) { cell } else { best });
     let rays: Vec<(DVec3, f64)> = sample.iter().map(|ray| (ray.direction, ray.weight())).collect();
-    NarrowBeam::of(&rays, DirectionCube::center(brightest), frame.nadir.vector())
+    NarrowBeam::of(&rays, brightest(&cloud.source.survey.directions), frame.nadir.vector())
 }
 
 /// Most zones that follow the surface, so that all of their cells stay few: narrow beams, fine grids and many bands leave room for

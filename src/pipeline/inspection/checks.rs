@@ -56,14 +56,14 @@ fn wrong(check: &'static str, message: impl Into<String>, remedy: &str) -> Check
     Check { check, verdict: Verdict::Wrong, message: message.into(), remedy: Some(remedy.into()) }
 }
 
-/// All checks of a file, in reading order. `fault`: why a job would refuse it.
-pub fn checks(facts: &Facts, found: &Inspection, fault: Option<&Fault>) -> Vec<Check> {
+/// All checks of a file, in reading order. `fault`: why a job would refuse it; `declared`: its total was.
+pub fn checks(facts: &Facts, found: &Inspection, fault: Option<&Fault>, declared: bool) -> Vec<Check> {
     let mut checks = vec![rays(facts, found, fault), length_unit(facts), quantity(facts)];
     if found.rays_used > 0 {
-        checks.extend([size(facts, found), total(facts, found), spectrum(facts, found)]);
+        checks.extend([size(facts, found), total(facts, found, declared), spectrum(facts, found)]);
         checks.extend(efficacy(facts, found));
         checks.extend([directions(found), order(found), ray_flux(found), noise(found), focus(found)]);
-        checks.extend([origins(found), backward(found), job(found)]);
+        checks.extend([origins(found), backward(found), beam(found), job(found)]);
     }
     checks
 }
@@ -145,7 +145,7 @@ fn size(facts: &Facts, found: &Inspection) -> Check {
     ok(NAME, told)
 }
 
-fn total(facts: &Facts, found: &Inspection) -> Check {
+fn total(facts: &Facts, found: &Inspection, declared: bool) -> Check {
     const NAME: &str = "rays.total";
     let primary = format!("{:.6} {}", found.flux.primary(), found.flux.primary_unit());
     if facts.notices.count_of(TOTAL_UNREADABLE) > 0 {
@@ -154,6 +154,9 @@ fn total(facts: &Facts, found: &Inspection) -> Check {
     }
     if facts.notices.count_of(EQUAL_SHARES) > 0 && facts.quantity_unknown {
         return wrong(NAME, "No column holds flux, as declared.", "Declare flux for it: every ray has an equal share.");
+    }
+    if declared {
+        return ok(NAME, format!("The total is {primary}, as declared."));
     }
     let Some(ratio) = found.sum_over_header else {
         return ok(NAME, format!("The total is {primary}; there is no other to compare it with."));
@@ -387,6 +390,23 @@ fn backward(found: &Inspection) -> Check {
             "Check that nothing is in the way there: a housing would block that light, a model does not.",
         );
     }
+    ok(NAME, told)
+}
+
+fn beam(found: &Inspection) -> Check {
+    const NAME: &str = "rays.beam";
+    let Some(beam) = &found.beam else {
+        return ok(NAME, "The light is in no one beam, or the rays are too few to tell.");
+    };
+    let round = beam.greatest_deg < 1.2 * beam.least_deg;
+    let wide = if round { String::new() } else { format!(" by {:.3}", beam.greatest_deg) };
+    let told = format!(
+        "The beam is {:.3}{wide}\u{b0} wide at half of its maximum, and holds {:.1} % of the flux. A goniogram needs steps of \
+         {:.4}\u{b0} to show it.",
+        beam.least_deg,
+        100.0 * beam.share,
+        beam.goniogram_step_deg
+    );
     ok(NAME, told)
 }
 

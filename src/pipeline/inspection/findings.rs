@@ -1,5 +1,6 @@
 //! What an inspection found, as it is written: the header, the rays, a verdict for each check.
 
+use super::beam::BeamWidth;
 use super::focus::Focus;
 use super::order::Order;
 use super::origins::Origins;
@@ -17,7 +18,7 @@ const URN: &str = "urn:lampwright:inspection:1";
 /// What rays may carry of the spectrum, by the names of [`crate::formats::record::SpectralData::name`].
 pub const SPECTRA: [&str; 5] = ["none", "table", "wavelength per ray", "table per ray", "tristimulus"];
 /// The names of all checks, in reading order.
-const CHECKS: [&str; 15] = [
+const CHECKS: [&str; 16] = [
     "rays.usable",
     "rays.length_unit",
     "rays.quantity",
@@ -32,6 +33,7 @@ const CHECKS: [&str; 15] = [
     "rays.focus",
     "rays.origins",
     "rays.backward",
+    "rays.beam",
     "rays.job",
 ];
 
@@ -245,6 +247,8 @@ pub struct Inspection {
     pub main_direction: Option<MainDirection>,
     /// Share of the flux in the hemisphere round each axis.
     pub hemispheres: [Hemisphere; 6],
+    /// The beam that most of the light is in; `null` for light into all directions, several beams, or fewer than 200 rays.
+    pub beam: Option<BeamWidth>,
     /// What a job would take.
     pub job: JobEstimate,
     /// What was odd about header and rays.

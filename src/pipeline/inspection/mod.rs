@@ -10,6 +10,8 @@ pub mod far_field;
 pub mod sample;
 /// Planes, boxes and spheres that origins lie on.
 pub mod origins;
+/// The beam: its axis and how wide it is.
+pub mod beam;
 /// One verdict per check.
 pub mod checks;
 /// Origins and far field of a ray file.
@@ -21,14 +23,16 @@ use crate::error::{Error, Fault};
 use crate::formats::record::{Facts, RaySet};
 use crate::rays::conversion::Conversion;
 use crate::rays::declared::open;
-use crate::rays::survey::{Reading, survey};
+use crate::rays::survey::{Reading, Survey, survey};
 use crate::rays::{Input, bands, check, totals};
+use crate::vocabulary::declaration::Total;
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::space::Axis;
 use crate::vocabulary::spectrum::{Bands, wider};
 use crate::vocabulary::units::{Flux, LengthUnit};
 use crate::vocabulary::watch::StageWatch;
+use beam::{Beam, BeamWidth, brightest};
 use checks::{TOLD_BY_READING, checks};
 use findings::{Check, Verdict};
 use findings::{Directions, Extent, Header, Hemisphere, Inspection, JobEstimate, MainDirection, Noise, RayFlux, Text};
@@ -61,7 +65,10 @@ pub fn inspect(input: &Input, limits: &Limits, watch: StageWatch<'_>) -> Result<
     let radiant = Conversion::of(&set.facts).knows_radiant();
     let (reading, evidence) = observed(&set, radiant, &bands, watch)?;
     let limit = reading.judge(limits);
-    let inspection = Inspection::of(&set.facts, input.bytes.len(), radiant, &reading, evidence, limit)?;
+    // A share is one of a total that is not known here.
+    let declared = input.declared.flux.filter(|flux| flux.share().is_none());
+    let declared = declared.map(|flux| Total::from_override(flux, 0.0));
+    let inspection = Inspection::of(&set.facts, input.bytes.len(), radiant, &reading, evidence, limit, declared)?;
     let notices = inspection.notices.iter().chain(&input.notices).cloned().collect();
     Ok(Inspection { notices, ..inspection })
 }
@@ -92,7 +99,7 @@ pub fn findings(
     reading: &Reading,
     evidence: Evidence,
 ) -> Result<Notices, Error> {
-    let inspection = Inspection::of(facts, byte_count, radiant, reading, evidence, Ok(()))?;
+    let inspection = Inspection::of(facts, byte_count, radiant, reading, evidence, Ok(()), None)?;
     let mut notices = Notices::default();
     let odd = |check: &&Check| check.verdict != Verdict::Ok && !TOLD_BY_READING.contains(&check.check);
     for check in inspection.checks.iter().filter(odd) {
@@ -161,7 +168,7 @@ impl Header {
 fn fault(judged: Result<(), Error>) -> Result<Option<Fault>, Error> {
     match judged {
         Ok(()) => Ok(None),
-        Err(Error::Refused(fault)) => Ok(Some(fault)),
+        Err(Error::Refused(fault) | Error::Unusable(fault)) => Ok(Some(fault)),
         Err(error) => Err(error),
     }
 }
@@ -174,13 +181,18 @@ impl Inspection {
         reading: &Reading,
         evidence: Evidence,
         judged: Result<(), Error>,
+        declared: Option<Total>,
     ) -> Result<Inspection, Error> {
         let mut notices = Notices::default();
         notices.merge(&facts.notices);
         notices.merge(&reading.notices);
-        let conversion = Conversion::of(facts).scaled(facts, &reading.sums);
+        let as_stored = Conversion::of(facts).scaled(facts, &reading.sums);
+        let fixed = declared.map_or(Ok(as_stored.clone()), |total| as_stored.clone().fixed(&reading.sums, total));
+        let (conversion, refused) = fixed.map_or_else(|error| (as_stored, Err(error)), |fixed| (fixed, Ok(())));
         let flux = conversion.totals(&reading.sums);
-        let fault = fault(judged)?.or(fault(totals::judge(facts, &reading.sums, &flux, &mut notices))?);
+        let judge = if declared.is_some() { totals::judge_declared } else { totals::judge };
+        let fault = fault(judged)?.or(fault(refused)?);
+        let fault = fault.or(self::fault(judge(facts, &reading.sums, &flux, &mut notices))?);
         totals::notice_size(&reading.survey, &mut notices);
         let survey = &reading.survey;
         let lit = survey.rays_used > 0;
@@ -221,11 +233,12 @@ impl Inspection {
             median_origin_distance_mm,
             main_direction: main_direction(evidence.focus.mean_direction(), &shares),
             hemispheres: std::array::from_fn(|k| Hemisphere { axis: Axis::ALL[k], share: shares[k] }),
+            beam: beam_width(&evidence, survey),
             job: JobEstimate::of(survey.rays_used),
             notices: notices.to_vec(),
             evidence,
         };
-        inspection.checks = checks(facts, &inspection, fault.as_ref());
+        inspection.checks = checks(facts, &inspection, fault.as_ref(), declared.is_some());
         inspection.verdict = inspection.checks.iter().map(|check| check.verdict).max().unwrap_or(Verdict::Ok);
         Ok(inspection)
     }
@@ -264,6 +277,11 @@ fn ray_flux(evidence: &Evidence, scale: f64, radiant: bool, flux: &Flux) -> RayF
         largest_share: total.filter(|total| *total > 0.0).map_or(0.0, |total| scale * largest / total),
         effective_rays: evidence.focus.effective_rays(),
     }
+}
+
+fn beam_width(evidence: &Evidence, survey: &Survey) -> Option<BeamWidth> {
+    let rays: Vec<(DVec3, f64)> = evidence.sample.iter().map(|ray| (ray.direction, ray.weight)).collect();
+    Beam::of(&rays, brightest(&survey.directions)).map(|beam| beam.width())
 }
 
 fn main_direction(mean: DVec3, shares: &[f64; 6]) -> Option<MainDirection> {

@@ -2,6 +2,7 @@
 
 use crate::convert::Target;
 use crate::error::Error;
+use crate::formats::lighttools::writer as lighttools;
 use crate::formats::record::RawRay;
 use crate::formats::tm25;
 use crate::formats::tm25::Preamble;
@@ -31,6 +32,8 @@ pub enum Rows {
     Tm25(tm25::writer::Rows),
     /// In Zemax binary.
     Zemax(zemax::Rows),
+    /// In LightTools binary.
+    LightTools(lighttools::Rows),
 }
 
 impl Rows {
@@ -39,6 +42,7 @@ impl Rows {
         match self {
             Rows::Tm25(rows) => rows.row_bytes(),
             Rows::Zemax(rows) => rows.row_bytes(),
+            Rows::LightTools(rows) => rows.row_bytes(),
         }
     }
 
@@ -47,6 +51,16 @@ impl Rows {
         match self {
             Rows::Tm25(rows) => rows.encode_ray(ray, into),
             Rows::Zemax(rows) => rows.encode_ray(ray, into),
+            Rows::LightTools(rows) => rows.encode_ray(ray, into),
+        }
+    }
+
+    /// What stands after the last ray.
+    pub fn end(&self) -> &'static [u8] {
+        match self {
+            Rows::Tm25(rows) => rows.end(),
+            Rows::Zemax(rows) => rows.end(),
+            Rows::LightTools(rows) => rows.end(),
         }
     }
 }
@@ -75,6 +89,9 @@ impl Told<'_> {
         let rows = match self.request.target {
             Target::Tm25 => Rows::Tm25(Writer::<tm25::writer::Rows>::start(&mut head, &self.preamble())?.rows()),
             Target::ZemaxBinary => Rows::Zemax(Writer::<zemax::Rows>::start(&mut head, &self.zemax()?)?.rows()),
+            Target::LightToolsBinary => {
+                Rows::LightTools(Writer::<lighttools::Rows>::start(&mut head, &self.lighttools())?.rows())
+            }
         };
         Ok((head, rows))
     }
@@ -105,6 +122,18 @@ impl Told<'_> {
             ..Header::default()
         };
         Preamble::new(header, Spectra::new(Vec::new()), Additional::default())
+    }
+
+    fn lighttools(&self) -> lighttools::Header {
+        let color = match (self.has_color, self.bands) {
+            (true, _) => lighttools::Color::Tristimulus,
+            (false, Some(_)) => lighttools::Color::Wavelength,
+            (false, None) => lighttools::Color::None,
+        };
+        let luminous = self.has_color || self.flux.radiant_w.is_none();
+        let flux = if luminous { self.flux.luminous_lm } else { self.flux.radiant_w };
+        let rows = lighttools::Rows { luminous, color };
+        lighttools::Header { ray_count: self.request.count, flux: flux.unwrap_or(0.0), rows }
     }
 
     fn zemax(&self) -> Result<zemax::Header, Error> {

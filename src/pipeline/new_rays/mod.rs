@@ -76,7 +76,7 @@ impl<'a> NewRays<'a> {
 
     /// Bytes of the whole file.
     pub fn byte_count(&self) -> u64 {
-        self.byte_of_ray(self.request.count)
+        self.byte_of_ray(self.request.count) + self.rows.end().len() as u64
     }
 
     /// Where in the file a ray begins, or behind the last one the end.
@@ -96,7 +96,9 @@ impl<'a> NewRays<'a> {
         }
         let in_head = bytes.start.min(head) as usize..end.min(head) as usize;
         out.write_all(self.head.get(in_head).unwrap_or_default())?;
-        let (from, to) = (bytes.start.max(head) - head, end.max(head) - head);
+        let after_rays = self.byte_of_ray(self.request.count);
+        let in_rays = |byte: u64| byte.clamp(head, after_rays) - head;
+        let (from, to) = (in_rays(bytes.start), in_rays(end));
         let (first, last) = (from / row, to.div_ceil(row));
         let chunk_rays = CHUNK_RAYS as u64;
         let mut unwritten = None;
@@ -125,9 +127,12 @@ impl<'a> NewRays<'a> {
             },
         );
         match unwritten {
-            Some(error) => Err(Failed::Write(error)),
-            None => Ok(written.map(|_| ())?),
+            Some(error) => return Err(Failed::Write(error)),
+            None => written.map(|_| ())?,
         }
+        let in_tail = |byte: u64| byte.saturating_sub(after_rays) as usize;
+        out.write_all(self.rows.end().get(in_tail(bytes.start)..in_tail(end)).unwrap_or_default())?;
+        Ok(())
     }
 
     /// Ray number `ray`, its flux in W and lm.

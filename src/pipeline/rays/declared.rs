@@ -5,7 +5,7 @@ use super::conversion::Conversion;
 use crate::error::Error;
 use crate::formats;
 use crate::formats::record::{Bytes, Facts, RawRay, RaySet, Records, SpectralData};
-use crate::formats::record::{DEFAULT_UNIT, SPECTRUM_UNREADABLE, TOTAL_UNREADABLE};
+use crate::formats::record::{CHUNK_RAYS, DEFAULT_UNIT, EQUAL_SHARES, SPECTRUM_UNREADABLE, TOTAL_UNREADABLE};
 use crate::vocabulary::declaration::Declared;
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::spectrum::Table;
@@ -27,10 +27,45 @@ pub fn open(bytes: Arc<dyn Bytes>, declared: &Declared, limits: &Limits) -> Resu
 fn apply(set: RaySet, declared: &Declared) -> Result<RaySet, Error> {
     let RaySet { mut facts, records } = set;
     let Correction { scale, moved } = apply_declaration(&mut facts, declared)?;
-    if scale == 1.0 && !moved {
+    let equal = match declared.flux {
+        Some(flux) if all_without_flux(records.as_ref(), facts.ray_count)? => {
+            Some(share_equally(&mut facts, flux.quantity()))
+        }
+        _ => None,
+    };
+    if scale == 1.0 && !moved && equal.is_none() {
         return Ok(RaySet { facts, records });
     }
-    Ok(RaySet { facts, records: Box::new(Corrected { records, scale, moved }) })
+    Ok(RaySet { facts, records: Box::new(Corrected { records, scale, moved, equal }) })
+}
+
+/// Whether no ray carries any flux. Mostly the first one does.
+fn all_without_flux(records: &dyn Records, ray_count: u64) -> Result<bool, Error> {
+    let mut rays = Vec::new();
+    let (mut first, mut count) = (0, 1);
+    while first < ray_count {
+        count = (ray_count - first).min(count);
+        rays.clear();
+        records.read(first, count as usize, &mut rays)?;
+        if rays.iter().any(|ray| ray.radiant != 0.0 || ray.luminous != 0.0) {
+            return Ok(false);
+        }
+        (first, count) = (first + count, CHUNK_RAYS as u64);
+    }
+    Ok(ray_count > 0)
+}
+
+/// Rays without flux have equal shares of what is declared, in its quantity unless they carry another one alone; the quantity that
+/// they carry then. Totals in the header are those of no ray.
+fn share_equally(facts: &mut Facts, declared: Quantity) -> Quantity {
+    let quantity = stored(facts).unwrap_or(declared);
+    (facts.has_radiant, facts.has_luminous) = (quantity == Quantity::Radiant, quantity == Quantity::Luminous);
+    facts.header_flux = Flux::default();
+    if facts.spectral == SpectralData::Tristimulus {
+        facts.spectral = SpectralData::None;
+    }
+    facts.notices.add(EQUAL_SHARES, "No ray of the file has flux: every ray has an equal share of the declared flux.");
+    quantity
 }
 
 /// What records need so that they are what the facts say.
@@ -184,6 +219,8 @@ struct Corrected {
     records: Box<dyn Records>,
     scale: f64,
     moved: bool,
+    /// Every ray has 1 of this.
+    equal: Option<Quantity>,
 }
 
 impl Records for Corrected {
@@ -194,6 +231,11 @@ impl Records for Corrected {
             ray.origin_mm = ray.origin_mm.map(|value| value * self.scale);
             if self.moved {
                 std::mem::swap(&mut ray.radiant, &mut ray.luminous);
+            }
+            match self.equal {
+                Some(Quantity::Radiant) => ray.radiant = 1.0,
+                Some(Quantity::Luminous) => ray.luminous = 1.0,
+                None => {}
             }
         }
         Ok(())

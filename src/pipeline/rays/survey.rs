@@ -261,7 +261,9 @@ impl Reading {
         }
         if used == 0 {
             let found = format!("None of the {read} rays can be used; {} carry no flux.", self.dropped);
-            return Err(Error::refused("rays.none_usable", found, "Export the file again with flux per ray."));
+            let remedy = "Declare its flux, if no ray carries any: every ray then has an equal share of it. Or export the file again \
+                          with flux per ray.";
+            return Err(Error::refused("rays.none_usable", found, remedy));
         }
         Ok(())
     }

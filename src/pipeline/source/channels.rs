@@ -13,6 +13,7 @@ use crate::vocabulary::notice::Notices;
 use crate::vocabulary::space::Bounds;
 use crate::vocabulary::spectrum::Table;
 use crate::vocabulary::units::{Flux, LengthUnit};
+use glam::DVec3;
 use serde::Deserialize;
 
 /// Largest difference of the sum of the shares from 1: rounding of the numbers only. Shares that a data sheet has rounded must be
@@ -259,6 +260,9 @@ pub struct Claims {
     /// Wavelengths that were found in its rays, nm; no header has them.
     #[serde(skip)]
     pub wavelength_nm: Option<(f64, f64)>,
+    /// Smallest and largest coordinates of its origins, mm if its header's unit is right; no header has them.
+    #[serde(skip)]
+    pub origins_mm: Option<([f64; 3], [f64; 3])>,
 }
 
 /// A notice of a header.
@@ -295,6 +299,14 @@ impl Claims {
             None if by_ray => Reach::Unknown,
             None => Reach::Nothing,
         }
+    }
+
+    /// Box of its origins in the unit that is declared.
+    fn bounds_mm(&self, declared: &Declared) -> Option<Bounds> {
+        let header = self.length_unit.as_deref().and_then(LengthUnit::from_symbol).unwrap_or(LengthUnit::Millimetre);
+        let scale = declared.length_unit.unwrap_or(header).mm() / header.mm();
+        let (min, max) = self.origins_mm?;
+        Some(Bounds { min: scale * DVec3::from_array(min), max: scale * DVec3::from_array(max) })
     }
 
     /// Facts that lead to the same judgement as the file's own. Tables are not at hand; they are taken to be visible light, and
@@ -355,11 +367,11 @@ fn in_columns(facts: &mut Facts, columns: &[Column]) -> Result<(), Error> {
 }
 
 /// Whether these files, as stored headers tell of them, can be one source: everything that [`crate::source::Source::read`] would refuse before
-/// reading a ray. Each comes with its name and its SHA-256.
+/// reading a ray. Each comes with its name and its SHA-256. What can be told of them before: [`tell_unlike`].
 ///
 /// # Errors
 /// As [`judge`], [`fluxes`] and [`apply_declaration`].
-pub fn judge_claims(files: &[(&str, &str, &Claims, &Declared)], total: Option<Total>) -> Result<(), Error> {
+pub fn judge_claims(files: &[(&str, &str, &Claims, &Declared)], total: Option<Total>) -> Result<Notices, Error> {
     let declared: Vec<&Declared> = files.iter().map(|(_, _, _, declared)| *declared).collect();
     fluxes(&declared, total)?;
     let facts = files
@@ -372,5 +384,10 @@ pub fn judge_claims(files: &[(&str, &str, &Claims, &Declared)], total: Option<To
         .zip(&facts)
         .map(|((name, sha256, _, declared), facts)| Candidate { name, sha256, facts, declared })
         .collect();
-    judge(&candidates).map(|_| ())
+    judge(&candidates)?;
+    let mut notices = Notices::default();
+    let boxes: Vec<(&str, Bounds)> =
+        files.iter().filter_map(|(name, _, claims, declared)| Some((*name, claims.bounds_mm(declared)?))).collect();
+    tell_unlike(&boxes, &mut notices);
+    Ok(notices)
 }

@@ -84,8 +84,9 @@ pub struct Job {
     /// Why the job failed; null if it did not.
     #[schema(required)]
     problem: Option<JobProblem>,
-    /// Notices about data that was repaired, dropped or unusual, and the warnings of the inspections of its channels; empty until
-    /// the job has succeeded.
+    /// Notices about data that was repaired, dropped or unusual, and the warnings of the inspections of its channels. Until
+    /// the job has succeeded: only those about its channels together, whose sizes differ by the factor of a unit or whose places do
+    /// not overlap.
     notices: Vec<StoredNotice>,
     /// When the job was accepted, epoch ms.
     created_ms: i64,

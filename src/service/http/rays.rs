@@ -25,6 +25,8 @@ pub enum RayFormat {
     Tm25,
     /// Zemax binary.
     Zemax,
+    /// LightTools binary.
+    LightTools,
 }
 
 impl RayFormat {
@@ -32,6 +34,7 @@ impl RayFormat {
         match self {
             RayFormat::Tm25 => Target::Tm25,
             RayFormat::Zemax => Target::ZemaxBinary,
+            RayFormat::LightTools => Target::LightToolsBinary,
         }
     }
 
@@ -39,6 +42,7 @@ impl RayFormat {
         match self {
             RayFormat::Tm25 => "tm25ray",
             RayFormat::Zemax => "dat",
+            RayFormat::LightTools => "ray",
         }
     }
 }

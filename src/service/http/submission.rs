@@ -6,6 +6,7 @@ use super::job::{Job, find, location};
 use super::problem::Problem;
 use super::upload_request::MAX_NAME_CHARS;
 use crate::accounts::access::Access;
+use crate::failure::StoredNotice;
 use crate::jobs::estimate::JobPlan;
 use crate::jobs::query;
 use crate::jobs::request::NewJob;
@@ -45,6 +46,8 @@ pub struct JobEstimate {
     seconds: Option<f64>,
     /// Number of queued jobs of the tenant that come before this one.
     jobs_ahead: u64,
+    /// What the channels are told of together: sizes that differ by the factor of a unit, places that do not overlap.
+    notices: Vec<StoredNotice>,
 }
 
 /// An existing job or an estimate: the body of the answer with status 200.
@@ -166,6 +169,7 @@ async fn estimate(api: &Api, access: &Access, new: &NewJob, plan: &JobPlan) -> R
         reuses: api.queue.equal(tenant, new, plan).await?,
         seconds,
         jobs_ahead: query::ahead(records, tenant, new.priority).await?,
+        notices: plan.notices.clone(),
     })
 }
 

@@ -3,6 +3,7 @@
 
 use super::error::Error;
 use super::request::{Channel, NewJob, TotalFlux};
+use crate::failure::StoredNotice;
 use crate::hex::hex;
 use crate::ray_sets::rows::LeftOut;
 use crate::ray_sets::{inspections, rows};
@@ -31,6 +32,8 @@ pub struct JobPlan {
     pub thread_bytes: u64,
     /// SHA-256 of everything its artifacts follow from, lower-case hex: equal for jobs that give the same bytes.
     pub content_sha256: Option<String>,
+    /// What its channels are told of together before it is computed.
+    pub notices: Vec<StoredNotice>,
 }
 
 /// Everything that artifacts follow from, in one form.
@@ -99,7 +102,7 @@ pub async fn plan(records: &Records, tenant: &str, new: &NewJob, threads: usize)
     options.rays.total = new.total.map(TotalFlux::total);
     let mut known = Vec::new();
     for (index, channel) in new.channels.iter().enumerate() {
-        known.push(look_up(records, tenant, index, channel).await?);
+        known.push(look_up(records, tenant, index, channel, new.channels.len() > 1).await?);
     }
     let name = |known: &ChannelSource| known.declared.name.clone().unwrap_or_else(|| known.ray_set.name.clone());
     let names: Vec<String> = known.iter().map(name).collect();
@@ -108,7 +111,7 @@ pub async fn plan(records: &Records, tenant: &str, new: &NewJob, threads: usize)
         .zip(&names)
         .map(|(known, name)| (name.as_str(), known.ray_set.sha256.as_str(), &known.claims, &known.declared))
         .collect();
-    pipeline::judge(&files, options.rays.total)?;
+    let notices = pipeline::judge(&files, options.rays.total)?;
     let claims: Vec<(&Claims, &Declared)> = known.iter().map(|known| (&known.claims, &known.declared)).collect();
     let memory = pipeline::memory(&claims, &options, threads);
     Ok(JobPlan {
@@ -118,10 +121,18 @@ pub async fn plan(records: &Records, tenant: &str, new: &NewJob, threads: usize)
         memory_threads: threads,
         thread_bytes: memory.thread_bytes,
         content_sha256: Some(digest(&known, &options)?),
+        notices: notices.iter().map(StoredNotice::from).collect(),
     })
 }
 
-async fn look_up(records: &Records, tenant: &str, index: usize, channel: &Channel) -> Result<ChannelSource, Error> {
+/// `several`: the channel is compared with others.
+async fn look_up(
+    records: &Records,
+    tenant: &str,
+    index: usize,
+    channel: &Channel,
+    several: bool,
+) -> Result<ChannelSource, Error> {
     let ray_set = rows::get(records, tenant, &channel.ray_set).await?;
     let ray_set = ray_set.ok_or_else(|| Error::MissingRaySet(channel.ray_set.clone()))?;
     let spectrum = match channel.spectrum_id() {
@@ -135,11 +146,12 @@ async fn look_up(records: &Records, tenant: &str, index: usize, channel: &Channe
     let of_spectrum = spectrum.map(|spectrum| spectrum.notices).filter(|notices| notices != "[]");
     let declared = channel.clone().or(&ray_set.declared).resolve(index, points.as_deref())?;
     let mut claims: Claims = serde_json::from_str(&ray_set.header).map_err(unreadable)?;
-    // Other columns than it was looked at with have other wavelengths.
-    if claims.by_ray(&declared)
-        && channel.columns.as_ref().is_none_or(|own| Some(own) == ray_set.declared.columns.as_ref())
-    {
-        claims.wavelength_nm = found(records, &ray_set.id).await?.wavelength_nm;
+    // Other columns than it was looked at with have other numbers.
+    let as_looked_at = channel.columns.as_ref().is_none_or(|own| Some(own) == ray_set.declared.columns.as_ref());
+    if as_looked_at && (several || claims.by_ray(&declared)) {
+        let found = found(records, &ray_set.id).await?;
+        claims.wavelength_nm = found.wavelength_nm.filter(|_| claims.by_ray(&declared));
+        claims.origins_mm = found.origins_mm.map(|extent| (extent.min, extent.max));
     }
     Ok(ChannelSource { ray_set, claims, declared, of_spectrum })
 }
@@ -148,6 +160,14 @@ async fn look_up(records: &Records, tenant: &str, index: usize, channel: &Channe
 #[derive(Default, Deserialize)]
 struct Found {
     wavelength_nm: Option<(f64, f64)>,
+    origins_mm: Option<Extent>,
+}
+
+/// A box, mm.
+#[derive(Deserialize)]
+struct Extent {
+    min: [f64; 3],
+    max: [f64; 3],
 }
 
 async fn found(records: &Records, ray_set: &str) -> Result<Found, storage::Error> {

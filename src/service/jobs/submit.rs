@@ -189,7 +189,7 @@ impl Queue {
         let insert = "INSERT INTO jobs (tenant, id, state, options, attempt, max_attempts, fence, cancel_requested, \
                       stage_progress, notices, created_ms, total, priority, timeout_ms, memory_bytes, memory_threads, \
                       thread_bytes, ray_count, content_sha256, metadata) \
-                      VALUES ($1, $2, 'queued', $3, 0, $4, 0, 0, 0, '[]', {now}, $5, $6, NULLIF($7, -1), $8, $9, $10, \
+                      VALUES ($1, $2, 'queued', $3, 0, $4, 0, 0, 0, $14, {now}, $5, $6, NULLIF($7, -1), $8, $9, $10, \
                       $11, $12, $13)";
         let insert = sql(insert).bind(tenant).bind(id.as_str()).bind(json(&new.options)?);
         let total = new.total.as_ref().map(json).transpose()?;
@@ -199,6 +199,7 @@ impl Queue {
         let insert = insert.bind(plan.memory_bytes.cast_signed()).bind(threads);
         let insert = insert.bind(plan.thread_bytes.cast_signed()).bind(plan.ray_count.cast_signed());
         let insert = insert.bind(plan.content_sha256.as_deref()).bind(rows::written(&new.metadata)?);
+        let insert = insert.bind(json(&plan.notices)?);
         transaction.write(insert).await?;
         rows::of_job(transaction, tenant, &id, &new.metadata).await?;
         for (position, channel) in new.channels.iter().enumerate() {

@@ -3,11 +3,11 @@
 //! `make RAYS TM25 ZEMAX` writes the same rays in both formats. `decode FILE THREADS` turns every record into numbers;
 //! `survey FILE THREADS` checks them too, as every job and inspection does. Both print seconds, taken inside.
 
-use pipeline::convert::{Target, convert};
-use pipeline::formats::open;
+use pipeline::convert::{Target, Wanted, convert};
 use pipeline::formats::record::{Bytes, RaySet};
+use pipeline::inspection::observed;
 use pipeline::known_sources::{by_name, write_tm25};
-use pipeline::rays::survey::survey;
+use pipeline::rays::declared::open;
 use pipeline::vocabulary::spectrum::Bands;
 use pipeline::vocabulary::watch::StageWatch;
 use pipeline::{Declared, Input, Limits, NoProgress, Stage};
@@ -48,9 +48,9 @@ fn make(rays: u64, tm25: &str, zemax: &str) -> Result<(), Box<dyn Error>> {
     let bytes = on_disk(tm25)?;
     let input =
         Input { name: tm25.into(), sha256: String::new(), bytes, declared: Declared::default(), notices: Vec::new() };
-    let mut out = BufWriter::new(File::create(zemax)?);
+    let mut out = File::create(zemax)?;
     let watch = StageWatch::enter(&NoProgress, Stage::Rays)?;
-    convert(&input, Target::ZemaxBinary, &Limits::default(), &mut out, watch)
+    convert(&[input], &Wanted::all(Target::ZemaxBinary), &Limits::default(), &mut out, watch)
         .map_err(|failed| format!("{failed:?}"))?;
     Ok(())
 }
@@ -77,7 +77,8 @@ fn measured(what: &str, path: &str) -> Result<f64, Box<dyn Error>> {
         decode(&set)?
     } else {
         let bands = Bands::regular(380.0, 780.0, 10.0).ok_or("no bands")?;
-        survey(&set, true, &bands, &limits, StageWatch::enter(&NoProgress, Stage::Rays)?)?.sums.radiant
+        let (reading, _) = observed(&set, true, &bands, StageWatch::enter(&NoProgress, Stage::Rays)?)?;
+        reading.sums.radiant
     };
     let seconds = started.elapsed().as_secs_f64();
     if (watt - 1.0).abs() > 1e-6 { Err(format!("read {watt} W of 1 W").into()) } else { Ok(seconds) }

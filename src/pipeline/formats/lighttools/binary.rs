@@ -4,7 +4,7 @@
 //! file gives it, and the trailer at its end proves it.
 
 use crate::error::Error;
-use crate::formats::binary::{Floats, Words, float, triple};
+use crate::formats::binary::{Floats, Words, float, in_lumens, triple};
 use crate::formats::bytes::{Cursor, f32_in, u32_in};
 use crate::formats::proof;
 use crate::formats::record::{Bytes, Facts, Format, RawRay, RaySet, SpectralData, TotalRule};
@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// Bytes of the header of version 2.
 const HEADER: u64 = 44;
 /// The last bytes of a whole file.
-const TRAILER: &[u8] = b"LTRFEND";
+pub const TRAILER: &[u8] = b"LTRFEND";
 /// What to do where the header cannot be meant.
 const EXPORT_AGAIN: &str = "Export the file again.";
 
@@ -107,16 +107,7 @@ impl Header {
         let field = |at| u32_in(block, at);
         version(field(4))?;
         let mut notices = Notices::default();
-        let luminous = match field(12) {
-            0 => Some(false),
-            1 => Some(true),
-            other => {
-                let told =
-                    format!("The data type is {other}; only 0 (W) and 1 (lm) exist. The quantity has to be declared.");
-                notices.add("lighttools.data_type", told);
-                None
-            }
-        };
+        let luminous = in_lumens(field(12).cast_signed(), "lighttools.data_type", "data type", &mut notices);
         near_field(field(16))?;
         let color = match field(20) {
             0 => Color::None,
@@ -139,7 +130,7 @@ impl Header {
             7 => Some(LengthUnit::Nanometre),
             other => {
                 let known = "0 to 7 (system, mm, cm, m, in, ft, um, nm)";
-                let told = format!("The length unit is {other}; only {known} exist. It has to be declared.");
+                let told = format!("The length unit is {other}; only {known} exist, so it is not said.");
                 notices.add("lighttools.length_unit", told);
                 None
             }

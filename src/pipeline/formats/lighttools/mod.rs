@@ -4,3 +4,5 @@
 pub mod binary;
 /// LightTools text ray files.
 pub mod text;
+/// Writing LightTools binary ray files.
+pub mod writer;

@@ -122,7 +122,7 @@ impl Header {
             let found = format!("{key} is \"{value}\"; {what}.");
             Error::malformed(code, found, "Export the file again.").at_byte(line.at)
         };
-        let unknown = |what: &str| format!("{key} is \"{value}\"; {what}. It has to be declared.");
+        let unknown = |what: &str| format!("{key} is \"{value}\"; {what}, so it is not said.");
         let notices = &mut self.told;
         match key.as_str() {
             "lt_datatype" => match says.as_str() {

@@ -51,6 +51,15 @@ impl Layout {
                 return Ok(layout);
             }
         }
+        if let Some(layout) = Layout::over_padded(header, tables_end, bytes)? {
+            let told = format!(
+                "More zeros stand before the rays than the 32 bytes they are padded to; counted back from the end of the file, \
+                 the rays begin at byte {}.",
+                layout.start
+            );
+            notices.add("tm25.over_padded", told);
+            return Ok(layout);
+        }
         let expected = Layout::new(header, padded, STOKES[0]);
         let found = format!(
             "The header (version {}) announces {} rays of {} bytes from byte {}, which makes {} bytes; the file has {length}.",
@@ -62,6 +71,20 @@ impl Layout {
         );
         let remedy = "Fetch the file again if it is shorter than announced; export it again if it is longer.";
         Err(Error::malformed("tm25.size", found, remedy).at_byte(length.min(expected.start)))
+    }
+
+    /// The layout of a file that is padded beyond the standard's.
+    fn over_padded(header: &Header, tables_end: u64, bytes: &dyn Bytes) -> Result<Option<Layout>, Error> {
+        let padded = tables_end.next_multiple_of(ALIGNMENT);
+        for stokes in STOKES {
+            let standard = Layout::new(header, padded, stokes);
+            let back =
+                |from: u64| proof::counted_back(bytes, from, standard.start, standard.record_bytes(), header.ray_count);
+            if let Some(start) = back(standard.start)? {
+                return Ok(Some(Layout { start, ..standard }));
+            }
+        }
+        Ok(None)
     }
 
     fn new(header: &Header, additional_start: u64, stokes: u64) -> Layout {

@@ -231,11 +231,17 @@ fn oddities_that_are_read_with_a_notice() {
     // The tables of identifier 4 end at 36 288 + 28 + 20, 16 bytes before the padded start.
     let mut unpadded = good.clone();
     unpadded.drain(36_336..36_352);
+    let mut over_padded = good.clone();
+    over_padded.splice(36_352..36_352, [0; 160]);
     let mut surrogate = good.clone();
     put(&mut surrogate, 288, 0xd800_i32.to_le_bytes());
-    for (bytes, code) in
-        [(version, "tm25.version"), (flag, "tm25.flags"), (unpadded, "tm25.unpadded_tables"), (surrogate, "tm25.text")]
-    {
+    for (bytes, code) in [
+        (version, "tm25.version"),
+        (flag, "tm25.flags"),
+        (unpadded, "tm25.unpadded_tables"),
+        (over_padded, "tm25.over_padded"),
+        (surrogate, "tm25.text"),
+    ] {
         let set = opened(bytes).unwrap();
         assert_eq!(set.facts.notices.count_of(code), 1, "{code}");
         let mut rays = Vec::new();

@@ -4,7 +4,7 @@
 //! flux type; what it calls the power of a file is the sum of its rays.
 
 use crate::error::Error;
-use crate::formats::binary::{Floats, Words, float, triple};
+use crate::formats::binary::{Floats, Words, float, in_lumens, triple};
 use crate::formats::bytes::{Cursor, ascii, f32_in, i32_in, u32_in};
 use crate::formats::proof;
 use crate::formats::record::{Bytes, Facts, Format, RawRay, RaySet, SpectralData, TotalRule};
@@ -83,7 +83,7 @@ pub fn length_unit(code: i32) -> Option<LengthUnit> {
 pub fn stored_unit(code: i32, notices: &mut Notices) -> Option<LengthUnit> {
     let unit = length_unit(code);
     if unit.is_none() {
-        let told = format!("The length unit is {code}; only 0 to 4 (m, in, cm, ft, mm) exist. It has to be declared.");
+        let told = format!("The length unit is {code}; only 0 to 4 (m, in, cm, ft, mm) exist, so it is not said.");
         notices.add("zemax.unit", told);
     }
     unit
@@ -91,16 +91,7 @@ pub fn stored_unit(code: i32, notices: &mut Notices) -> Option<LengthUnit> {
 
 /// Whether a flux type is lm; one that does not exist is told, and says nothing.
 pub fn stored_flux_type(code: i32, notices: &mut Notices) -> Option<bool> {
-    match code {
-        0 => Some(false),
-        1 => Some(true),
-        _ => {
-            let told =
-                format!("The flux type is {code}; only 0 (W) and 1 (lm) exist. The quantity has to be declared.");
-            notices.add("zemax.flux_type", told);
-            None
-        }
-    }
+    in_lumens(code, "zemax.flux_type", "flux type", notices)
 }
 
 /// The header, not yet believed.
@@ -112,7 +103,7 @@ struct Header {
 /// Where records are and what is in them.
 #[derive(Clone, Copy, Debug)]
 struct Layout {
-    /// Offset of the first record: [`HEADER`] or [`HEADER_LONG`].
+    /// Offset of the first record: [`HEADER`], [`HEADER_LONG`], or more where zeros were added.
     start: u64,
     /// Records hold a wavelength.
     spectral: bool,
@@ -170,12 +161,17 @@ impl Header {
                 return Ok(self.layout_at(start, format == 2, at));
             }
         }
-        let (_, format, _) = formats[0];
+        let (_, format, at) = formats[0];
+        let record_bytes = if format == 2 { 32 } else { 28 };
+        if matches!(format, 0 | 2)
+            && let Some(start) = proof::counted_back(bytes, HEADER, HEADER, record_bytes, count)?
+        {
+            return Ok(self.layout_at(start, format == 2, at));
+        }
         if !matches!(format, 0 | 2) {
             let found = format!("The ray format is {format}; only 0 (flux) and 2 (spectral) exist.");
             return Err(Error::malformed("zemax.ray_format", found, "Export the file again.").at_byte(192));
         }
-        let record_bytes = if format == 2 { 32 } else { 28 };
         let found = format!(
             "The header announces {count} rays of {record_bytes} bytes, which makes {} bytes; the file has {length}.",
             HEADER + count * record_bytes
@@ -195,6 +191,12 @@ impl Header {
         if layout.start == HEADER_LONG {
             let told = "The header is 212 bytes long, as written by programs with 64-bit `long`; it was read as such.";
             notices.add("zemax.long_header", told);
+        } else if layout.start > HEADER_LONG {
+            let told = format!(
+                "Zeros stand between header and rays; counted back from the end of the file, the rays begin at byte {}.",
+                layout.start
+            );
+            notices.add("zemax.over_padded", told);
         }
         stored_unit(i32_in(&self.block, 136), &mut notices);
         let mut quantity_unknown = false;
@@ -360,6 +362,23 @@ mod tests {
             assert_eq!(facts.notices.count_of("zemax.long_header"), 1);
             assert_eq!(rays[0].origin_mm, [1.0, 2.0, 0.5]);
         }
+    }
+
+    /// A header padded to a round number of bytes: the rays end with the file. What stands behind the rays is no padding.
+    #[test]
+    fn rays_are_counted_back_from_the_end_of_a_file_with_a_padded_header() {
+        for (format, ray, padding) in [(0, RAY, 48), (2, COLORED, 304)] {
+            let mut bytes = file(4, format, 0, &[ray, ray]);
+            bytes.splice(208..208, vec![0; padding]);
+            let (facts, rays) = opened(bytes.clone()).unwrap();
+            assert_eq!(facts.notices.count_of("zemax.over_padded"), 1);
+            assert_eq!((rays.len(), rays[1].origin_mm), (2, [1.0, 2.0, 0.5]));
+            bytes[210] = 1;
+            assert_eq!(opened(bytes).unwrap_err().code(), "zemax.size");
+        }
+        let mut behind = file(4, 0, 0, &[RAY, RAY]);
+        behind.extend([0; 48]);
+        assert_eq!(opened(behind).unwrap_err().code(), "zemax.size");
     }
 
     #[test]
