@@ -153,7 +153,23 @@ fn benches() -> Vec<Bench> {
         -up,
         0.03,
     );
-    vec![chip, four, cylinder, dome, boxed]
+    let above =
+        |name: &str, what: &'static str, point_mm: DVec3| Bench::new(name).irradiance(what, point_mm, -up, 0.03);
+    let on_axis = |name: &str| Bench::new(name).intensity("intensity on the axis", up, 0.02);
+    vec![
+        chip,
+        four,
+        cylinder,
+        dome,
+        boxed,
+        above("lit-sides", "irradiance 1 mm above", DVec3::new(0.0, 0.0, 1.3)),
+        above("opaque-ball", "irradiance 1 mm off it", DVec3::new(0.0, 0.0, 1.5)),
+        above("absorbing-ball", "irradiance 1 mm off it", DVec3::new(0.0, 0.0, 1.5)),
+        above("aspheric-dome", "irradiance 1 mm above", DVec3::new(0.0, 0.0, 2.7)),
+        above("beside-ring", "irradiance 1 mm above the ring", DVec3::new(1.4, 0.2, 1.0)),
+        on_axis("narrow-beam"),
+        on_axis("collimated"),
+    ]
 }
 
 /// What each model's verification says: how far a model of a part of the rays, and these rays themselves, are from up to a million others.

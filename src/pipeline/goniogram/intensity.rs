@@ -1,10 +1,10 @@
 //! Directions to intensities.
 
+use super::ancestry::Ancestry;
 use super::beam::{Beam, NarrowBeam};
 use super::mixture::Shares;
 use super::smoothing::{Directions, Estimates, add, add_up};
 use super::sphere::SphereGrid;
-use super::zone::Ancestry;
 use crate::flux::Amounts;
 use crate::options::GoniogramOptions;
 use crate::rays::direction_cube::DirectionCube;

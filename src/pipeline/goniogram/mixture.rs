@@ -1,6 +1,6 @@
 //! Which zones a vertex has, and how much of each: so that the light changes gradually from zone to zone.
 
-use super::zone::Ancestry;
+use super::ancestry::Ancestry;
 use crate::hull::Hull;
 use glam::DVec3;
 use std::collections::BTreeMap;

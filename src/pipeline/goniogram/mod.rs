@@ -6,6 +6,8 @@ pub mod orientation;
 pub mod sphere;
 /// Which vertices are alike: faces and spectra.
 mod kinds;
+/// Where zones come from.
+mod ancestry;
 /// Zones: which point belongs where.
 pub mod zone;
 /// Zones and weights of a vertex.

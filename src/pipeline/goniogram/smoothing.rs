@@ -1,7 +1,7 @@
 //! From counts to angular distributions: the whole source's from a prior of even radiance, each zone's from the whole's radiance.
 
+use super::ancestry::Ancestry;
 use super::sphere::SphereGrid;
-use super::zone::Ancestry;
 use crate::smoothing::{Edge, Levels, Refined, Sharing, WIDE_WINDOW, refine};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -238,7 +238,7 @@ pub struct Estimates {
 
 impl Estimates {
     /// What was found of zones of even kinds gives way to what was found of their kind; `zone_of_zone` and `family` as
-    /// [`super::zone::Zoning::merge`] leaves them.
+    /// the zoning's `merge` leaves them.
     pub fn merge(&mut self, zone_of_zone: &[u32], family: &[Ancestry]) {
         let merged = |(zone, ancestry): (usize, &Ancestry)| {
             let kind = ancestry.kind as usize;

@@ -1,5 +1,6 @@
 //! Zones: which point belongs where, on a lattice or along the surface.
 
+use super::ancestry::Ancestry;
 use super::intensity::Goniogram;
 use super::kinds::kinds;
 use super::mixture::{Mixture, blend};
@@ -105,41 +106,8 @@ const RAYS_PER_ZONE: f64 = 200.0;
 /// Vertices that such a zone has at least.
 const VERTICES_PER_ZONE: usize = 4;
 
-/// Parts with this number and higher ones are not halved.
-const MOST_PARTS: u32 = 1 << 24;
-
 /// Normals are told apart in steps of one in so many, 4 degrees.
 const NORMAL_STEPS: f64 = 16.0;
-
-/// Where a zone comes from: zones of one kind are alike, and parts of a kind that were halved again and again.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Ancestry {
-    /// The kind.
-    pub kind: u32,
-    /// Number of the part in the tree of halves: 1 the kind, then 2n and 2n + 1 the halves of part n.
-    part: u32,
-}
-
-impl Ancestry {
-    /// A kind as one zone.
-    pub fn whole(kind: u32) -> Ancestry {
-        Ancestry { kind, part: 1 }
-    }
-
-    /// Number of the part that the zone was in when its kind had been halved `depth` times.
-    pub fn at(self, depth: u32) -> u32 {
-        self.part >> self.part.ilog2().saturating_sub(depth)
-    }
-
-    /// Whether the zone was a whole part when its kind had been halved `depth` times.
-    pub fn is_whole_at(self, depth: u32) -> bool {
-        self.part.ilog2() <= depth
-    }
-
-    fn halves(self) -> [Ancestry; 2] {
-        [2 * self.part, 2 * self.part + 1].map(|part| Ancestry { part, ..self })
-    }
-}
 
 /// What belongs where, before any goniogram.
 pub struct Zoning {
@@ -171,7 +139,7 @@ impl Zoning {
             leaves.into_iter().map(|leaf| Leaf::new(leaf.ancestry, leaf.vertices, surface)).collect();
         while leaves.len() < most {
             let splits = |leaf: &Leaf| {
-                let has_room = leaf.vertices.len() >= 2 * VERTICES_PER_ZONE && leaf.ancestry.part < MOST_PARTS;
+                let has_room = leaf.vertices.len() >= 2 * VERTICES_PER_ZONE && leaf.ancestry.may_halve();
                 leaf.rays >= 2.0 * RAYS_PER_ZONE && has_room
             };
             let fullest = (0..leaves.len())

@@ -12,10 +12,12 @@ fn drawn(source: &KnownSource) -> Vec<RawRay> {
     rays
 }
 
-/// z-score of `found` of `RAYS` rays where the share `expected` was due.
+/// z-score of `found` of `RAYS` rays where the share `expected` was due. Anscombe's (1948) transform of a binomial count, whose tails are a
+/// normal distribution's also where few rays are due: (n − μ)/σ is beyond 5 seven times as often for 100 rays.
 fn z_of_count(found: u64, expected: f64) -> f64 {
     let n = RAYS as f64;
-    (found as f64 - n * expected) / (n * expected * (1.0 - expected)).sqrt().max(1.0)
+    let angle = |count: f64| ((count + 0.375) / (n + 0.75)).min(1.0).sqrt().asin();
+    2.0 * (n + 0.5).sqrt() * (angle(found as f64) - angle(n * expected))
 }
 
 /// Every known source, each turned another way, and all turned straight.

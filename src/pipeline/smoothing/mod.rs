@@ -18,7 +18,7 @@ const LEAST_NEW_NOISE: f64 = 0.25;
 /// as the smoothing, so that an edge is seen where it is.
 pub const WINDOW: usize = 4;
 /// The same where they have none, on the sphere of directions: wider, because over few sites noise passes for a signal now and then.
-pub const WIDE_WINDOW: usize = 10;
+pub const WIDE_WINDOW: usize = 7;
 /// A part of a ray that stands under every sum, so that dark places have a ratio.
 const FLOOR_RAYS: f64 = 1e-6;
 
