@@ -29,7 +29,7 @@ enum Verb {
     Build(build::Arguments),
     /// Show the header of a ray file, and inspect its rays.
     Inspect(inspect::Arguments),
-    /// Write a ray file in another format: IES TM-25 or Zemax binary.
+    /// Write ray files as one file of IES TM-25, Zemax or LightTools binary; shuffled or thinned out where asked for.
     Convert(convert::Arguments),
     /// Draw new rays from a model, as many as are wanted, and write them as a ray file.
     Rays(rays::Arguments),

@@ -59,7 +59,7 @@ const GAMMA_DEG: f64 = 2.5;
 const C_DEG: f64 = 5.0;
 /// Zones unless asked for, the rays that one needs, and cells of its spectral grid.
 const ZONES: f64 = 256.0;
-const RAYS_PER_ZONE: f64 = 400.0;
+const RAYS_PER_ZONE: f64 = 200.0;
 const ZONE_CELLS: f64 = 134.0;
 /// Nodes of a volume, most of them and of their spectral numbers, and what one needs: its neighbours in smoothing, and each band and column.
 const RAYS_PER_NODE: f64 = 20.0;

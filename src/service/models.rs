@@ -113,14 +113,23 @@ impl Models {
             let read = blobs.read(&file.blob, 0..file.byte_count).await;
             bytes.push(read.map_err(|error| Error::Unreadable(io::Error::other(error)))?);
         }
+        let byte_count = files.iter().map(|file| file.byte_count).sum();
+        let models = self.clone();
+        // The place goes with the work, which goes on, and keeps the model, when the client has left.
         let read = move || match bytes.as_slice() {
-            [emitter, goniograms] => pipeline::read_model(emitter, goniograms, &Limits::default()),
+            [emitter, goniograms] => {
+                let model =
+                    pipeline::read_model(emitter, goniograms, &Limits::default()).map_err(|error| match error {
+                        Error::Malformed(found) => Error::Internal(format!("a stored model cannot be read: {found:?}")),
+                        other => other,
+                    })?;
+                let model = Arc::new(model);
+                models.keep(Kept { digests, byte_count, model: Arc::clone(&model) });
+                Ok((model, place))
+            }
             _ => Err(Error::Internal("a model has two files".to_owned())),
         };
-        let model = Arc::new(compute("model", read).await.map_err(Error::from)??);
-        let byte_count = files.iter().map(|file| file.byte_count).sum();
-        self.keep(Kept { digests, byte_count, model: Arc::clone(&model) });
-        Ok((model, place))
+        compute("model", read).await.map_err(Error::from)?
     }
 
     /// A kept model, which is then the last to go.
@@ -135,6 +144,7 @@ impl Models {
 
     fn keep(&self, new: Kept) {
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.retain(|kept| kept.digests != new.digests);
         kept.push(new);
         while kept.len() > KEPT || kept.iter().map(|kept| kept.byte_count).sum::<u64>() > KEPT_BYTES {
             kept.remove(0);
@@ -149,7 +159,7 @@ fn send(rays: &NewRays<'_>, range: Range<u64>, sender: &mpsc::Sender<io::Result<
         let to = range.end.min(from + BLOCK_BYTES);
         match pipeline::write_new_rays(rays, from..to, &mut Pieces(sender), watch) {
             Ok(()) => from = to,
-            // Whoever does not take them is told nothing.
+            // The client is gone.
             Err(Failed::Write(_)) => return,
             Err(Failed::Read(error)) => {
                 let _ = sender.blocking_send(Err(io::Error::other(error.to_string())));
@@ -173,7 +183,7 @@ impl Write for Pieces<'_> {
     }
 }
 
-/// Nobody hears of progress; a service that stops wants no more rays.
+/// Drawing reports no progress, and ends when the service stops.
 struct Stopping(CancellationToken);
 
 impl Watch for Stopping {

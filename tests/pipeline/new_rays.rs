@@ -11,6 +11,7 @@ use pipeline::model::evaluation::Evaluator;
 use pipeline::model::light::Light;
 use pipeline::model::sampling::Sampler;
 use pipeline::new_rays::{NewRays, Request};
+use pipeline::options::Zones;
 use pipeline::vocabulary::watch::StageWatch;
 use pipeline::{Declared, Input, Limits, NoProgress, Options, Stage, Verdict, inspect};
 use std::f64::consts::{PI, TAU};
@@ -54,6 +55,27 @@ fn rays_of(bytes: Vec<u8>) -> Vec<RawRay> {
     let mut rays = Vec::new();
     set.records.read(0, set.facts.ray_count as usize, &mut rays).unwrap();
     rays
+}
+
+/// A lattice of more zones than there is light for leaves some without a ray: their files are read back, and rays are drawn all the same. A
+/// LightTools file, which ends with a mark, is read back by our reader.
+#[test]
+fn zones_without_rays_do_no_harm() {
+    for smoothing in [None, Some(false)] {
+        let mut options = Options::default();
+        options.goniogram.zones = Some(Zones { columns: 32, rows: 32 });
+        options.hull.resolution = Some(40);
+        (options.goniogram.smoothing, options.flux.smoothing) = (smoothing, smoothing);
+        let outcome = super::known_sources::built(&by_name("flat-chip").unwrap(), 3_000, &options).unwrap();
+        let zones = &outcome.model.goniograms.zones;
+        assert!(
+            zones.iter().any(|zone| zone.goniogram.flux.primary() == 0.0),
+            "every zone of {} has light",
+            zones.len()
+        );
+        let rays = rays_of(whole(&read_back(&outcome), asked(20_000, 7, Target::LightToolsBinary)));
+        assert_eq!(rays.len(), 20_000);
+    }
 }
 
 /// New rays fall on vertices or nodes, into the cells of directions of each zone, and into bands as often as the files say. False alarms:

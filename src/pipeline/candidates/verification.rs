@@ -198,18 +198,21 @@ struct Counts {
     /// Σ w² per cell.
     squares: Vec<f64>,
     total: f64,
+    /// The part of it that lies in groups of bands.
+    grouped: f64,
     rays: u64,
 }
 
 impl Counts {
     fn none(screens: &[Screen]) -> Counts {
         let cells = screens.last().map_or(0, |screen| screen.cells.end);
-        Counts { flux: vec![0.0; cells], squares: vec![0.0; cells], total: 0.0, rays: 0 }
+        Counts { flux: vec![0.0; cells], squares: vec![0.0; cells], total: 0.0, grouped: 0.0, rays: 0 }
     }
 
     /// Adds a ray; `groups`: its shares in the groups of bands.
     fn add(&mut self, screens: &[Screen], line: (DVec3, DVec3), weight: f64, groups: &[f64; GROUPS]) {
         self.total += weight;
+        self.grouped += weight * groups.iter().sum::<f64>();
         self.rays += 1;
         for screen in screens {
             let Some(place) = screen.place(line.0, line.1) else { continue };
@@ -232,12 +235,14 @@ impl Counts {
         self.flux.iter_mut().zip(&other.flux).for_each(|(sum, part)| *sum += part);
         self.squares.iter_mut().zip(&other.squares).for_each(|(sum, part)| *sum += part);
         self.total += other.total;
+        self.grouped += other.grouped;
         self.rays += other.rays;
     }
 
-    /// Share of the flux in a cell, and the variance of that.
-    fn share(&self, cell: usize) -> (f64, f64) {
-        (self.flux[cell] / self.total, self.squares[cell] / (self.total * self.total))
+    /// Share of the flux in a cell of a view, and the variance of that. Light outside of all bands has no part in spectral views.
+    fn share(&self, view: View, cell: usize) -> (f64, f64) {
+        let total = if view.is_spectral() { self.grouped } else { self.total };
+        if total > 0.0 { (self.flux[cell] / total, self.squares[cell] / (total * total)) } else { (0.0, 0.0) }
     }
 }
 
@@ -317,9 +322,9 @@ fn figure(screen: &Screen, truth: &[Counts; 2], drawn: &[Counts; 2], rays: &Coun
     let (mut power, mut of_model, mut of_rays, mut noise) = (0.0, 0.0, 0.0, 0.0);
     let (mut common, mut drawn_power, mut judging) = (0.0, 0.0, 0.0);
     for cell in screen.cells.clone() {
-        let [(t1, vt1), (t2, vt2)] = [truth[0].share(cell), truth[1].share(cell)];
-        let [(m1, vm1), (m2, vm2)] = [drawn[0].share(cell), drawn[1].share(cell)];
-        let (r, _) = rays.share(cell);
+        let [(t1, vt1), (t2, vt2)] = [truth[0].share(screen.view, cell), truth[1].share(screen.view, cell)];
+        let [(m1, vm1), (m2, vm2)] = [drawn[0].share(screen.view, cell), drawn[1].share(screen.view, cell)];
+        let (r, _) = rays.share(screen.view, cell);
         power += t1 * t2;
         of_model += (t1 - m1) * (t2 - m2);
         of_rays += (t1 - r) * (t2 - r);

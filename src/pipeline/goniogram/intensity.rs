@@ -372,14 +372,14 @@ impl Measured {
                 None => form.clone(),
             };
         }
-        let square = |(amount, variance): (&f64, &f64)| amount * amount * variance;
-        self.variance = form.iter().zip(&refined.variance).map(square).collect();
         if let Some(radiant) = &mut self.fine.radiant_w {
             *radiant = form;
         }
         for flux in [&mut self.fine.luminous_lm, &mut self.fine.radiant_w].into_iter().flatten() {
             *flux = directions.grid().sharpened(flux);
         }
+        let square = |(amount, variance): (&f64, &f64)| amount * amount * variance;
+        self.variance = self.fine.primary().iter().zip(&refined.variance).map(square).collect();
     }
 
     /// The same flux with the noise of `refined`: that of zones which have one prior does not average out.

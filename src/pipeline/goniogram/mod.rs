@@ -132,7 +132,7 @@ pub fn plan(
         Counts::new(&quanta, grids, zones, spectrum, limits)
     };
     let (zone_count, kind_count) = (zoning.zones.len(), zoning.kind_count());
-    let may_merge = zoning.lattice.is_none() && kind_count < zone_count;
+    let may_merge = options.smooths() && zoning.lattice.is_none() && kind_count < zone_count;
     let kinds = may_merge.then(|| counts(kind_count)).transpose()?;
     Ok(Plan { zones: counts(zone_count)?, kinds, zoning, narrow })
 }

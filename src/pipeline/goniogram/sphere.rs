@@ -1,8 +1,8 @@
 //! The grid of directions: the one owner of the binning rule.
 //!
 //! Node-centred cells (`pipeline/README.md` 4): γ nodes from 0 to 180, in even steps or closer together in a narrow beam; C nodes 0, step, …
-//! below 360. A node's cell reaches halfway to its neighbours; the pole cells are caps shared by all C. A cell's value is its mean; between
-//! nodes values are bilinear in C and γ.
+//! below 360. A node's cell reaches halfway to its neighbours; the pole cells are caps shared by all C. A counted cell's value is its mean, a
+//! smoothed one's is such that what is interpolated has that mean ([`SphereGrid::sharpened`]); between nodes values are bilinear in C and γ.
 
 use std::f64::consts::{PI, TAU};
 

@@ -160,12 +160,12 @@ fn opaque_ball() -> Option<KnownSource> {
 
 fn absorbing_ball() -> Option<KnownSource> {
     let shape = Shape::Ball { radius_mm: 0.5, absorption_per_mm: 4.0 };
-    let told = "A ball of radius 0.5 mm that glows evenly in its volume and absorbs its own light, 4 per mm, 1 W: neither a clear volume                 nor a Lambertian surface.";
+    let told = "A ball of radius 0.5 mm that glows evenly in its volume and absorbs its own light, 4 per mm, 1 W: neither a clear volume nor a Lambertian surface.";
     Some(KnownSource::new("absorbing-ball", told, vec![part(shape, 1.0, PHOSPHOR)?]))
 }
 
 fn aspheric_dome() -> Option<KnownSource> {
-    let told = "A disc chip of radius 0.5 mm under an aspheric lens, half of an ellipsoid of half axes 1.4 and 1.7 mm and index 1.5; rays start                 on the lens, 1 W.";
+    let told = "A disc chip of radius 0.5 mm under an aspheric lens, half of an ellipsoid of half axes 1.4 and 1.7 mm and index 1.5; rays start on the lens, 1 W.";
     Some(KnownSource::new("aspheric-dome", told, vec![part(Shape::AsphericDome, 1.0, GREEN)?]))
 }
 

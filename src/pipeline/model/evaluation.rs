@@ -77,7 +77,10 @@ impl<'a> Evaluator<'a> {
             let nodes = intensities_of(goniogram, quantity)?;
             Some((nodes.as_slice(), light.grid.integral(nodes)))
         };
-        let goniograms = light.zones.iter().map(|zone| normalised(zone)).collect::<Option<Vec<_>>>()?;
+        // Light that smoothing gave to a zone in which no ray landed goes as that of the whole source.
+        let of_zone =
+            |zone| normalised(zone).and_then(|own| if own.1 > 0.0 { Some(own) } else { normalised(light.total) });
+        let goniograms = light.zones.iter().map(|zone| of_zone(zone)).collect::<Option<Vec<_>>>()?;
         let in_volume = |volume: &'a Volume| {
             let flux = flux_of(&volume.nodes, quantity)?;
             let density = per(flux, &volume.volumes_mm3);
@@ -123,12 +126,6 @@ impl<'a> Evaluator<'a> {
     /// The intensities of a volume at the nodes, `[c][gamma]`; `None` of a surface.
     pub fn nodes_of_volume(&self) -> Option<&'a [f64]> {
         self.in_volume.as_ref().map(|inside| inside.goniogram.0)
-    }
-
-    /// A zone, or the volume, sends no light in any direction.
-    pub fn is_dark(&self, zone: usize) -> bool {
-        let (_, integral) = self.in_volume.as_ref().map_or_else(|| self.goniograms[zone], |inside| inside.goniogram);
-        integral <= 0.0
     }
 
     /// Emission coefficient j of a node of a volume, integrated over all directions, flux/mm³; 0 of a surface.

@@ -143,7 +143,7 @@ impl Entry {
         };
         let dense = match (self.spectral_intensity, spectral) {
             (Some(dense), Some(grid)) => {
-                let count = grid.c_planes() * grid.gamma_nodes() * bands;
+                let count = (grid.c_planes() * grid.gamma_nodes()).saturating_mul(bands);
                 if dense.encoding != goniograms::ENCODING || dense.order != goniograms::ORDER {
                     return Err(wrong("Spectral intensities come in another encoding or order than is known."));
                 }

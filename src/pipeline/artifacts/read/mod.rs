@@ -129,7 +129,7 @@ fn spectral(glb: &Glb<'_>, angles: &Angles) -> Result<Spectral, Error> {
     Ok(Spectral { bands, columns })
 }
 
-/// There is light in a quantity that places and directions both have, and none of it is in a zone without directions.
+/// There is light in a quantity that places and directions both have, and no zone has a flux without directions.
 fn check_light(model: &StoredModel) -> Result<(), Error> {
     let evaluator = Evaluator::of_primary(model).ok_or_else(|| {
         let found = "The places have a flux (W, lm) whose intensities goniograms.json does not have.";
@@ -140,16 +140,16 @@ fn check_light(model: &StoredModel) -> Result<(), Error> {
         let found = "The model has no light: the fluxes of its places sum to 0, or to no number.";
         return Err(Error::malformed("model.dark", found, AGAIN));
     }
-    let is_dark = |zone: &usize| evaluator.is_dark(*zone);
-    let mixed = model.mixtures.iter().zip(model.vertices.primary()).filter(|(_, flux)| **flux > 0.0);
-    let dark = match model.volume {
-        Some(_) => Some(0).filter(is_dark),
-        None => mixed.flat_map(|(mixture, _)| mixture.parts().map(|(zone, _)| zone)).find(is_dark),
+    // A zone without flux is no fault: what smoothing put there goes as the light of the whole source.
+    let is_dark = |zone: &Goniogram| {
+        let nodes = zone.radiant_w_per_sr.as_ref().or(zone.luminous_cd.as_ref());
+        zone.flux.primary() > 0.0 && nodes.is_none_or(|nodes| nodes.iter().all(|intensity| *intensity <= 0.0))
     };
-    dark.map_or(Ok(()), |zone| {
-        let found = format!("Zone {zone} has light by emitter.glb and no intensity in goniograms.json.");
-        Err(Error::malformed("model.dark_zone", found, AGAIN))
-    })
+    if let Some(zone) = model.zones.iter().chain([&model.total]).position(is_dark) {
+        let found = format!("Goniogram {zone} has a flux and no intensity in goniograms.json.");
+        return Err(Error::malformed("model.dark_zone", found, AGAIN));
+    }
+    Ok(())
 }
 
 /// The bytes of `emitter.glb` and `goniograms.json` in a `model.zip`.
