@@ -366,9 +366,10 @@ impl Measured {
 
     fn smooth(&mut self, directions: &Directions<'_>, refined: Refined, ray: &Flux) {
         let form = refined.amounts;
+        let luminous_ray = self.luminous_ray(ray);
         if let Some(luminous) = &mut self.fine.luminous_lm {
             *luminous = match &self.fine.radiant_w {
-                Some(_) => directions.like(luminous, &form, ray.luminous_lm.unwrap_or(0.0)),
+                Some(_) => directions.like(luminous, &form, luminous_ray),
                 None => form.clone(),
             };
         }
@@ -380,6 +381,14 @@ impl Measured {
         }
         let square = |(amount, variance): (&f64, &f64)| amount * amount * variance;
         self.variance = self.fine.primary().iter().zip(&refined.variance).map(square).collect();
+    }
+
+    /// Amount of a typical ray of the zone, lm: a green zone's has more than the source's. Where rays have unlike wavelengths, that is more than
+    /// the zone's mean; twice the mean holds for any mixture of light and dark halves.
+    fn luminous_ray(&self, ray: &Flux) -> f64 {
+        let Flux { radiant_w, luminous_lm } = self.fine.total();
+        let lm_per_w = luminous_lm.zip(radiant_w).filter(|(_, watt)| *watt > 0.0).map_or(0.0, |(lm, watt)| lm / watt);
+        (2.0 * lm_per_w * ray.radiant_w.unwrap_or(0.0)).max(ray.luminous_lm.unwrap_or(0.0))
     }
 
     /// The same flux with the noise of `refined`: that of zones which have one prior does not average out.
