@@ -139,7 +139,8 @@ async fn a_job_that_ends_within_the_grace_is_published() {
     let (running, queued) = (site.job(&ray_set).await, site.job(&ray_set).await);
     site.until_state(&running, "running").await;
     let serving = tokio::spawn(site.service.take().unwrap().run_until(async {}));
-    tokio::time::sleep(Duration::from_millis(100)).await;
+    // Long enough for a busy machine to begin to stop; a queued job would start otherwise.
+    tokio::time::sleep(Duration::from_secs(2)).await;
     gate.open();
     serving.await.unwrap().unwrap();
     let rows = site.rows(sql("SELECT id, state FROM jobs ORDER BY id")).await;

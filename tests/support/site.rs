@@ -97,7 +97,11 @@ impl Reply {
     /// Of a job, or of the first ray set of an upload.
     pub fn id(&self) -> String {
         let json = self.json();
-        json["id"].as_str().or(json["ray_sets"][0]["id"].as_str()).unwrap().to_owned()
+        json["id"]
+            .as_str()
+            .or(json["ray_sets"][0]["id"].as_str())
+            .unwrap_or_else(|| panic!("no id: {self:?}"))
+            .to_owned()
     }
 
     /// The one ray set of an upload.
@@ -306,7 +310,9 @@ impl Site {
                 return reply;
             }
             assert!(start.elapsed() < PATIENCE, "still {reply}");
-            tokio::time::sleep(Duration::from_millis(10)).await;
+            // Jobs that take long are asked for less often: requests are counted.
+            let pause_ms = if start.elapsed() < Duration::from_secs(1) { 10 } else { 100 };
+            tokio::time::sleep(Duration::from_millis(pause_ms)).await;
         }
     }
 
