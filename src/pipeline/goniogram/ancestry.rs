@@ -18,6 +18,11 @@ impl Ancestry {
         Ancestry { kind, part: 1 }
     }
 
+    /// How many kinds a family has.
+    pub fn kinds(family: &[Ancestry]) -> u32 {
+        family.iter().map(|zone| zone.kind + 1).max().unwrap_or(0)
+    }
+
     /// Number of the part that the zone was in when its kind had been halved `depth` times.
     pub fn at(self, depth: u32) -> u32 {
         self.part >> self.part.ilog2().saturating_sub(depth)

@@ -61,8 +61,7 @@ impl Mixture {
 
 /// The mixture of each vertex, of zones of its own zone's kind; `middles_mm` of the zones.
 pub fn blend(hull: &Hull, middles_mm: &[DVec3], zone_of_vertex: &[u32], family: &[Ancestry]) -> Vec<Mixture> {
-    let count = family.iter().map(|zone| zone.kind as usize + 1).max().unwrap_or(0);
-    let mut middles: Vec<Vec<(u32, DVec3)>> = vec![Vec::new(); count];
+    let mut middles: Vec<Vec<(u32, DVec3)>> = vec![Vec::new(); Ancestry::kinds(family) as usize];
     let numbered = (0..).zip(middles_mm).zip(family);
     numbered.for_each(|((id, middle_mm), zone)| middles[zone.kind as usize].push((id, *middle_mm)));
     let of = |(vertex, zone): (&DVec3, &u32)| Mixture::near(*vertex, &middles[family[*zone as usize].kind as usize]);

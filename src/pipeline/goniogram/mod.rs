@@ -39,6 +39,7 @@ use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::space::Frame;
 use crate::vocabulary::watch::StageWatch;
+use ancestry::Ancestry;
 use beam::NarrowBeam;
 use counts::Counts;
 use glam::DVec3;
@@ -131,7 +132,7 @@ pub fn plan(
         let grids = Grids::new(&cloud.source.survey.directions, &frame, options, zones, bands, narrow.as_ref());
         Counts::new(&quanta, grids, zones, spectrum, limits)
     };
-    let (zone_count, kind_count) = (zoning.zones.len(), zoning.kind_count());
+    let (zone_count, kind_count) = (zoning.zones.len(), Ancestry::kinds(&zoning.family) as usize);
     let may_merge = options.smooths() && zoning.lattice.is_none() && kind_count < zone_count;
     let kinds = may_merge.then(|| counts(kind_count)).transpose()?;
     Ok(Plan { zones: counts(zone_count)?, kinds, zoning, narrow })

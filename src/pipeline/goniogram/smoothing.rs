@@ -150,7 +150,7 @@ impl<'a> Directions<'a> {
     pub fn zones(&self, counted: &[&[f64]], projected_sr: &[Vec<f64>], family: &[Ancestry], ray: f64) -> Estimates {
         let own = |zone: usize| Light { counted: counted[zone].to_vec(), even: projected_sr[zone].clone() };
         let zones: Vec<Light> = (0..counted.len()).map(own).collect();
-        let kind_count = family.iter().map(|zone| zone.kind + 1).max().unwrap_or(0);
+        let kind_count = Ancestry::kinds(family);
         let members = |kind: u32| (0..zones.len()).filter(move |zone| family[*zone].kind == kind);
         let groups: Vec<Light> =
             (0..kind_count).map(|kind| Light::sum(members(kind).map(|zone| &zones[zone]))).collect();

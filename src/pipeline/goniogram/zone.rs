@@ -161,11 +161,6 @@ impl Zoning {
         Zoning { frame, lattice: None, zones, zone_of_vertex, family, mixtures }
     }
 
-    /// How many kinds of zones there are.
-    pub fn kind_count(&self) -> usize {
-        self.family.iter().map(|zone| zone.kind as usize + 1).max().unwrap_or(0)
-    }
-
     /// Makes one zone of all zones of each kind that is `even`. Answers the new zone of each; zones of a kind stay side by side.
     pub fn merge(&mut self, even: &[bool], hull: &Hull, surface: &Surface) -> Vec<u32> {
         let (mut zone_of_zone, mut family): (Vec<u32>, Vec<Ancestry>) = (Vec::new(), Vec::new());
