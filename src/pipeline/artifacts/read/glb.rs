@@ -8,7 +8,7 @@ use serde::de::IgnoredAny;
 use std::collections::BTreeMap;
 
 /// What to do about a file that cannot be a model's.
-pub const AGAIN: &str = "Take emitter.glb and goniograms.json of one model again, as lampwright wrote them.";
+pub const AGAIN: &str = "Take emitter.glb and goniograms.json of one model again, as Lampwright wrote them.";
 /// Component types of accessors.
 const UNSIGNED_BYTE: u32 = 5121;
 const UNSIGNED_SHORT: u32 = 5123;
