@@ -10,6 +10,9 @@ from schemathesis.openapi.checks import MissingHeaderNotRejected, RejectedPositi
 
 FILES = Path(os.environ["CONTRACT_FILES"])
 FITTING = {"upload_ray_set": "rays", "upload_spectrum": "spectra"}
+# The contract's own limit for new rays, and how many a request of this test may ask for.
+LIMIT_RAYS = 1_000_000_000_000
+MOST_RAYS = 10_000
 # Codes of refusals that the schema could have told of. All others are about what is in a file, whether a digest is right, or
 # whether choices that are well formed go together.
 FORM = {
@@ -31,6 +34,16 @@ def before_generate_body(context, strategy):
         return strategy
     files = [path.read_bytes() for path in sorted((FILES / kind).iterdir())]
     return strategies.one_of(strategies.sampled_from(files), strategy)
+
+
+@schemathesis.hook
+def before_call(context, case, kwargs):
+    """As many new rays as are asked for are sent: those of a request must fit into the memory of who reads it."""
+    if case.operation.definition.raw.get("operationId") != "draw_rays":
+        return
+    asked = str((case.query or {}).get("count", ""))
+    if asked.isdecimal() and MOST_RAYS < int(asked) <= LIMIT_RAYS:
+        case.query["count"] = MOST_RAYS
 
 
 @schemathesis.hook
