@@ -150,6 +150,19 @@ fn irradiance_of_an_even_square_is_its_solid_angle() {
     }
 }
 
+/// Points all over, as near as a hundredth of the edge and as far as five: none is off by more than its bound.
+#[test]
+fn no_point_is_off_by_more_than_its_bound() {
+    let lamp = square(1.0, 7, SphereGrid::new(36, 12), |_| 1.0);
+    for k in 0..120 {
+        let [u, v, w] = [2_f64, 3.0, 5.0].map(|prime| (f64::from(k) * prime.sqrt()).fract());
+        let (x, y, h) = (4.0 * u - 2.0, 4.0 * v - 2.0, 0.01 * 500_f64.powf(w));
+        let angle = |x: f64, y: f64| (x * y / (h * (x * x + y * y + h * h).sqrt())).atan();
+        let exact = corners([-0.5 - x, 0.5 - x], [-0.5 - y, 0.5 - y], angle) / (4.0 * PI);
+        check(&lamp, DVec3::new(x, y, h), DVec3::NEG_Z, exact, 0.0);
+    }
+}
+
 /// The same on a plane across it that half of it lies behind: ∫∫ x/r³ over what lies before, from -asinh(y/√(x² + h²)).
 #[test]
 fn what_lies_behind_the_plane_does_not_count() {

@@ -38,11 +38,14 @@ const LONGEST: Duration = Duration::from_secs(20);
 pub struct Models {
     kept: Arc<Mutex<Vec<Kept>>>,
     /// Models that are being read: whoever wants one of them waits for it.
-    reading: Arc<Mutex<HashMap<[String; 2], Arc<Turns<()>>>>>,
+    reading: Arc<Mutex<Reading>>,
     places: Places,
     /// The service stops: rays and evaluations end.
     stopping: CancellationToken,
 }
+
+/// By the digests of its files, who may read a model.
+type Reading = HashMap<[String; 2], Arc<Turns<()>>>;
 
 struct Kept {
     digests: [String; 2],
