@@ -199,8 +199,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let path = &written.output;
     let form = destination(path, written)?;
     let model = stored(&arguments.model)?;
-    let progress = Progress::start_reading();
-    let evaluated = StageWatch::enter(&progress, Stage::Rays)
+    let progress = Progress::start_evaluating();
+    let evaluated = StageWatch::enter(&progress, Stage::Model)
         .and_then(|watch| evaluate(&model, &model.name, &arguments.view.request(), watch));
     progress.finish();
     let answer = evaluated?;

@@ -11,7 +11,7 @@ use crate::models::Evaluated;
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
-use pipeline::{EvaluationForm, EvaluationRequest, LightKind, TOLERANCE, Vector, View, Width};
+use pipeline::{Error, EvaluationForm, EvaluationRequest, LightKind, Place, TOLERANCE, Vector, View, Width};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -180,8 +180,10 @@ impl NewEvaluation {
                     (Some(width_mm), None) => Width::Orthographic(width_mm),
                     (None, Some(field_deg)) => Width::Perspective(field_deg),
                     _ => {
-                        let must = "given where field_deg is not, and only there";
-                        return Err(Problem::out_of_range("view.camera.width_mm", must));
+                        let found = "The camera has no width, or two: width_mm and field_deg.";
+                        let remedy = "Give width_mm of an orthographic camera, or field_deg of a perspective one.";
+                        let place = Place::Asked("camera.width_mm");
+                        return Err(Error::invalid_declaration("evaluation.geometry", place, found, remedy).into());
                     }
                 },
                 columns: camera.columns,
