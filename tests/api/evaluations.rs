@@ -1,7 +1,6 @@
 //! Evaluations of the model of a job: numbers, forms, limits, walls, and clients that leave.
 
-use axum::body::Body;
-use axum::http::{Method, StatusCode};
+use axum::http::StatusCode;
 use serde_json::{Value, json};
 use service::accounts::access::Scope;
 use std::f64::consts::PI;
@@ -126,12 +125,7 @@ async fn clients_that_leave_give_their_places_back() {
     let camera = json!({"eye_mm": [0, 0, 9], "width_mm": 1, "columns": 512, "rows": 512, "samples": 16});
     let long = json!({"view": {"camera": camera}});
     let small = json!({"view": {"angles": [[0, 0]]}});
-    let mut waiting = Vec::new();
-    for _ in 0..4 {
-        let headers = [("content-type", "application/json")];
-        waiting.push(Box::pin(site.ask(Method::POST, &address, &headers, Body::from(long.to_string()))));
-    }
-    let all = futures::future::join_all(waiting);
+    let all = futures::future::join_all((0..4).map(|_| site.post(&address, &long)));
     let full = async {
         for _ in 0..600 {
             let reply = site.post(&address, &small).await;
