@@ -83,7 +83,7 @@ async fn what_cannot_be_answered_is_told() {
         json!({"view": {"camera": camera}})
     };
     for (body, status, code, at) in [
-        (json!({}), 422, "request.missing_field", ""),
+        (json!({}), 422, "request.missing_field", "."),
         (json!({"view": {}}), 422, "request.wrong_type", "view"),
         (json!({"view": {"sphere": {}}}), 422, "request.wrong_type", "view"),
         (with("colour", json!(1)), 422, "request.unknown_field", "view.plane.colour"),

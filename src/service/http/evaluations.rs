@@ -7,6 +7,7 @@ use super::job::find;
 use super::problem::Problem;
 use super::rays::model_files;
 use crate::accounts::access::Access;
+use crate::jobs::request::NumberPair;
 use crate::models::Evaluated;
 use axum::extract::State;
 use axum::http::header;
@@ -46,14 +47,21 @@ pub enum EvaluationView {
     /// Intensity on a grid of C and gamma.
     Grid(DirectionGrid),
     /// Intensity in directions of the source frame, of any length but 0.
+    #[schema(value_type = Vec<NumberTriple>)]
     Directions(Vec<[f64; 3]>),
     /// Intensity at pairs of C and gamma, degrees.
+    #[schema(value_type = Vec<NumberPair>)]
     Angles(Vec<[f64; 2]>),
     /// Irradiance or illuminance on a rectangle.
     Plane(PlaneView),
     /// Radiance or luminance as a camera sees it.
     Camera(CameraView),
 }
+
+/// Three numbers.
+#[derive(ToSchema)]
+#[schema(min_items = 3, max_items = 3)]
+pub struct NumberTriple(#[expect(dead_code, reason = "a schema, never a value")] Vec<f64>);
 
 /// A grid of the photometric frame, from C = 0 and gamma = 0 on.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize, ToSchema)]
@@ -70,12 +78,15 @@ pub struct DirectionGrid {
 #[serde(deny_unknown_fields)]
 pub struct PlaneView {
     /// Its middle.
+    #[schema(value_type = NumberTriple)]
     pub center_mm: [f64; 3],
     /// Normal towards the side that is lit. Default: against the axis gamma = 0 of the source.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<NumberTriple>)]
     pub normal: Option<[f64; 3]>,
     /// What is up in the picture. Default: +Z, and +Y of a plane across Z.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<NumberTriple>)]
     pub up: Option<[f64; 3]>,
     /// Along its rows.
     #[schema(exclusive_minimum = 0.0)]
@@ -96,13 +107,15 @@ pub struct PlaneView {
 #[serde(deny_unknown_fields)]
 pub struct CameraView {
     /// Where it is. An orthographic camera is infinitely far away in the same direction.
+    #[schema(value_type = NumberTriple)]
     pub eye_mm: [f64; 3],
     /// What is in the middle of the picture. Default: the origin.
     #[serde(default)]
-    #[schema(nullable)]
+    #[schema(nullable, value_type = NumberTriple)]
     pub target_mm: [f64; 3],
     /// What is up in the picture. Default: +Z, and +Y of a camera that looks along Z.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<NumberTriple>)]
     pub up: Option<[f64; 3]>,
     /// Width of what an orthographic camera sees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
