@@ -141,6 +141,11 @@ impl Clusters {
         &self.clusters[cluster as usize]
     }
 
+    /// Whether a node is a group of whole triangles or cells: these are not much smaller than it, so that they do not tell its error.
+    pub fn is_of_pieces(&self, node: Node) -> bool {
+        matches!(node, Node::Cluster(cluster) if matches!(self.clusters[cluster as usize].parts, Parts::Items(_)))
+    }
+
     /// Zones of a group and the flux of each, `[zone][channel]`.
     pub fn light_of(&self, cluster: u32) -> (&[u32], &[f64]) {
         let Range { start, end } = self.clusters[cluster as usize].entries.clone();

@@ -20,7 +20,7 @@ use std::f64::consts::{PI, TAU};
 const SMALL: f64 = 0.25;
 /// The error of a small part is taken to be so many times what changed when it was evaluated in parts. To second order it is a third of that; where
 /// second derivatives along and across cancel, what is left is of higher order, and the change does not show it.
-const SAFETY: f64 = 4.0;
+const SAFETY: f64 = 6.0;
 /// A part is resolved where the directions to it touch at most so many steps of γ, and reach so many steps of C to either side.
 const STEPS: usize = 4;
 const PLANES: f64 = 1.5;
@@ -274,7 +274,8 @@ impl<'e, 'a> Quadrature<'e, 'a> {
         let is_polar = gamma.min(PI - gamma) <= 2.0 * reach;
         let is_resolved = range.steps() <= STEPS && (is_polar || reach <= PLANES * self.c_step * gamma.sin());
         let is_even = changes[1] >= EVEN * changes[0];
-        let is_small = radius_mm <= SMALL * distance_mm && heights_mm[0] >= 0.0 && (is_even || is_resolved);
+        let is_apart = radius_mm <= SMALL * distance_mm && heights_mm[0] >= 0.0;
+        let is_small = is_apart && (is_even || is_resolved) && !self.clusters.is_of_pieces(node);
         if is_small { Judged::Small } else { Judged::Bounded }
     }
 
