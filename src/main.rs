@@ -5,7 +5,8 @@ mod command;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use command::{
-    Failure, backup, build, convert, environment, health, inspect, keys, openapi, rays, sample, serve, tenants,
+    Failure, backup, build, convert, environment, evaluate, health, inspect, keys, openapi, rays, sample, serve,
+    tenants,
 };
 use std::process::ExitCode;
 
@@ -33,6 +34,8 @@ enum Verb {
     Convert(convert::Arguments),
     /// Draw new rays from a model, as many as are wanted, and write them as a ray file.
     Rays(rays::Arguments),
+    /// Evaluate a model: intensity, irradiance on a plane, luminance as a camera sees it; as numbers or as a picture.
+    Evaluate(evaluate::Arguments),
     /// Write a known source as an IES TM-25 ray file.
     Sample(sample::Arguments),
     /// Create, list, rotate and revoke the keys of a service.
@@ -62,6 +65,7 @@ fn main() -> ExitCode {
         Verb::Inspect(arguments) => inspect::run(&arguments),
         Verb::Convert(arguments) => convert::run(&arguments),
         Verb::Rays(arguments) => rays::run(&arguments),
+        Verb::Evaluate(arguments) => evaluate::run(&arguments),
         Verb::Sample(arguments) => sample::run(&arguments),
         Verb::Keys(arguments) => keys::run(arguments),
         Verb::Tenants(arguments) => tenants::run(arguments),

@@ -21,6 +21,8 @@ pub mod inspect;
 pub mod convert;
 /// `rays`: new rays from a model.
 pub mod rays;
+/// `evaluate`: intensity, irradiance, luminance of a model.
+pub mod evaluate;
 /// `sample`: known sources as ray files.
 pub mod sample;
 /// `openapi`: the contract.

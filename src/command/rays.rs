@@ -88,7 +88,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// The model in a folder or in a zip.
-fn stored(path: &Path) -> Result<StoredModel, Failure> {
+///
+/// # Errors
+/// It cannot be read, or is none.
+pub fn stored(path: &Path) -> Result<StoredModel, Failure> {
     let place = || path.display().to_string();
     let [emitter, angles] = if path.is_dir() {
         [in_folder(path, MODEL_FILES[0])?, in_folder(path, MODEL_FILES[1])?]

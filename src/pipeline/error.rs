@@ -54,6 +54,8 @@ pub enum Place {
     Declared(&'static str),
     /// The declared total of the source.
     Total,
+    /// A field of what was asked of a model.
+    Asked(&'static str),
 }
 
 impl fmt::Display for Place {
@@ -65,6 +67,7 @@ impl fmt::Display for Place {
             Place::Channel(index, field) => write!(f, "channels[{index}].{field}"),
             Place::Declared(field) => write!(f, "{field}"),
             Place::Total => write!(f, "total"),
+            Place::Asked(field) => write!(f, "{field}"),
         }
     }
 }
@@ -106,7 +109,7 @@ impl Error {
         Error::Unusable(Fault { at: Some(Place::Option(option)), ..Fault::new(code, found, remedy) })
     }
 
-    /// What was declared of the source cannot be used.
+    /// What was declared of the source, or asked of a model, cannot be used.
     pub fn invalid_declaration(
         code: &'static str,
         place: Place,

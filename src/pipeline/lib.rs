@@ -41,12 +41,18 @@ pub mod candidates;
 pub mod artifacts;
 /// As many new rays of a model as are wanted.
 pub mod new_rays;
+/// A model evaluated without noise: intensity, irradiance, radiance.
+pub mod evaluation;
 /// What a run needs of the machine.
 pub mod memory;
 
 pub use artifacts::read::{FILES as MODEL_FILES, StoredModel, check_size as check_model_size, read as read_model};
 pub use convert::{Failed, Target};
 pub use error::{Error, Fault, Place};
+pub use evaluation::{
+    Camera, Form as EvaluationForm, Kind as LightKind, Plane, Request as EvaluationRequest, TOLERANCE, Vector, View,
+    Width,
+};
 pub use formats::packed::{Content, Member, Packing, left_out, packing, unpack};
 pub use formats::record::{Bytes, Format};
 pub use formats::spectrum_file::{MAX_BYTES as MAX_SPECTRUM_BYTES, SpectrumFile};
@@ -159,6 +165,19 @@ pub fn inspect(input: &Input, limits: &Limits, watch: &dyn Watch) -> Result<Insp
 /// file's.
 pub fn drawings(inspection: &Inspection, name: &str) -> Vec<Artifact> {
     inspection::drawings::artifacts(inspection, name)
+}
+
+/// Evaluates a model and writes the answer.
+///
+/// # Errors
+/// [`Error::Unusable`] for a request that cannot be answered or written; [`Error::Refused`] for one that is too large; [`Error::Cancelled`].
+pub fn evaluate(
+    model: &StoredModel,
+    request: &EvaluationRequest,
+    form: EvaluationForm,
+    watch: &dyn Watch,
+) -> Result<Artifact, Error> {
+    evaluation::evaluate(model, &model.name, request, StageWatch::enter(watch, Stage::Model)?)?.write(form)
 }
 
 /// Writes these bytes of a file of new rays: parts one after another are the whole.

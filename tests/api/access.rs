@@ -78,6 +78,7 @@ impl Things {
     pub fn body(&self, operation: &str) -> Body {
         match operation {
             "create_job" => json!({ "channels": [{"ray_set": self.ray_set}] }).to_string().into(),
+            "evaluate_model" => json!({ "view": {"angles": [[0, 0]]} }).to_string().into(),
             "create_webhook" => json!({ "url": NOWHERE }).to_string().into(),
             "change_webhook" => json!({ "description": "mine" }).to_string().into(),
             "ingest_ray_set" => json!({ "url": NOWHERE }).to_string().into(),

@@ -55,6 +55,7 @@ fn the_contract_says_how_everything_can_fail() {
         "delete_upload",
         "delete_webhook",
         "draw_rays",
+        "evaluate_model",
         "get_artifact",
         "get_far_field_drawing",
         "get_job",

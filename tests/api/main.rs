@@ -21,6 +21,8 @@ mod concatenation;
 mod packed;
 /// New rays from the models of jobs.
 mod rays;
+/// Evaluations of the models of jobs.
+mod evaluations;
 /// Keys, tenants, quotas and rates.
 mod access;
 /// What connections may ask of the process.

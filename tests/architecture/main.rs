@@ -16,7 +16,7 @@ use std::path::Path;
 
 /// The order of the computation: each part may name itself and the parts before it, nothing after it. `lib` is its front door; a
 /// re-exported name counts as the part it comes from.
-const PIPELINE: [&str; 20] = [
+const PIPELINE: [&str; 21] = [
     "error",
     "vocabulary",
     "options",
@@ -36,6 +36,7 @@ const PIPELINE: [&str; 20] = [
     "candidates",
     "artifacts",
     "new_rays",
+    "evaluation",
     "memory",
 ];
 
@@ -75,11 +76,12 @@ const SIDE_DOORS: [&str; 1] = ["pipeline::artifacts::zip"];
 const WORLD: [&str; 6] = ["env", "fs", "net", "process", "thread", "time"];
 
 /// One foreign library, one file (or folder): whoever replaces it reads no other. The one with two rows is the operating system.
-const HOMES: [(&str, &str); 30] = [
+const HOMES: [(&str, &str); 31] = [
     ("flate2", "pipeline/formats/packed"),
     ("ruzstd", "pipeline/formats/packed/zstd"),
     ("obvhs", "pipeline/flux/bvh"),
     ("zip", "pipeline/artifacts"),
+    ("tiff", "pipeline/evaluation/file/tiff"),
     ("sqlx", "service/storage/records"),
     ("object_store", "service/storage/blobs"),
     ("getrandom", "service/accounts/keys"),

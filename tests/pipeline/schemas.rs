@@ -6,7 +6,9 @@ use std::path::Path;
 #[test]
 fn the_schemas_are_those_of_the_structs_that_are_written() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("openapi");
-    for (name, schema) in pipeline::artifacts::schemas() {
+    for (name, schema) in
+        pipeline::artifacts::schemas().into_iter().chain([("evaluation", pipeline::evaluation::schema())])
+    {
         let file = folder.join(format!("{name}.schema.json"));
         let text = serde_json::to_string_pretty(&schema).unwrap() + "\n";
         if std::env::var_os("LAMPWRIGHT_WRITE_SCHEMAS").is_some() {

@@ -11,24 +11,31 @@ const STEPS: u64 = 1000;
 /// A bar on stderr (drawn on a terminal only) and the moments at which stages were entered.
 pub struct Progress {
     bar: ProgressBar,
+    /// The stage that the bar begins with.
+    first: Stage,
     entered: Mutex<Vec<(Stage, Instant)>>,
 }
 
 impl Progress {
     /// Starts the bar of a whole run.
     pub fn start() -> Progress {
-        Progress::over(Stage::ALL.len() as u64)
+        Progress::over(Stage::ALL.len() as u64, Stage::Rays)
     }
 
     /// Starts the bar of work that ends with the rays.
     pub fn start_reading() -> Progress {
-        Progress::over(1)
+        Progress::over(1, Stage::Rays)
     }
 
-    fn over(stages: u64) -> Progress {
+    /// Starts the bar of the evaluation of a model.
+    pub fn start_evaluating() -> Progress {
+        Progress::over(1, Stage::Model)
+    }
+
+    fn over(stages: u64, first: Stage) -> Progress {
         let style = ProgressStyle::with_template("{msg:9} {wide_bar} {percent:>3} % {elapsed}");
         let bar = ProgressBar::new(STEPS * stages);
-        Progress { bar: style.map_or(bar.clone(), |style| bar.with_style(style)), entered: Mutex::default() }
+        Progress { bar: style.map_or(bar.clone(), |style| bar.with_style(style)), first, entered: Mutex::default() }
     }
 
     /// Takes the bar away; how long each stage took, up to now.
@@ -47,7 +54,7 @@ impl Watch for Progress {
             entered.push((stage, Instant::now()));
             self.bar.set_message(stage.name());
         }
-        let before = Stage::ALL.iter().take_while(|other| **other < stage).count();
+        let before = Stage::ALL.iter().filter(|other| (self.first..stage).contains(other)).count();
         self.bar.set_position(((before as f64 + fraction) * STEPS as f64) as u64);
     }
 

@@ -77,6 +77,19 @@ impl Bvh {
         best
     }
 
+    /// Calls `visit` for every item whose box the line through `point_mm` along unit `direction` meets; in no particular order.
+    pub fn along_line(&self, point_mm: DVec3, direction: DVec3, mut visit: impl FnMut(usize)) {
+        // As in `first_along`: from just before the ball around everything to just behind it.
+        let nearest = (self.center_mm - point_mm).dot(direction);
+        let reach = self.radius_mm * (1.0 + 4.0 * PADDING);
+        let from = (point_mm + (nearest - reach) * direction - self.center_mm) / self.radius_mm;
+        let ray = Ray::new(from.as_vec3a(), direction.as_vec3a(), 0.0, (2.0 * reach / self.radius_mm) as f32);
+        self.tree.ray_traverse(ray, &mut RayHit::none(), |_, slot| {
+            visit(self.tree.primitive_indices[slot] as usize);
+            f32::INFINITY
+        });
+    }
+
     /// Calls `visit` for every item whose box comes within `radius_mm` (in each axis) of `point_mm`; in no particular order.
     pub fn near(&self, point_mm: DVec3, radius_mm: f64, mut visit: impl FnMut(usize)) {
         let at = ((point_mm - self.center_mm) / self.radius_mm).as_vec3a();

@@ -1,7 +1,7 @@
 //! 3. Rays onto the surface [Расчет поверхностного распределения светового потока].
 
 /// The spatial index: the only file that names the BVH library.
-mod bvh;
+pub mod bvh;
 /// Which triangles lie near a point.
 mod cells;
 /// One ray: hit, snapped or rejected, counted exactly once.

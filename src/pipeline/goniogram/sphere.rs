@@ -39,6 +39,11 @@ impl SphereGrid {
         self.gamma[node]
     }
 
+    /// The last γ node that is not above `gamma`, radians, and has one above it.
+    pub fn gamma_below(&self, gamma: f64) -> usize {
+        self.gamma.partition_point(|node| *node <= gamma).clamp(1, self.gamma.len() - 1) - 1
+    }
+
     /// Where the cells of a γ node begin and end, radians.
     pub fn gamma_borders(&self, node: usize) -> [f64; 2] {
         let (here, last) = (self.gamma[node], self.gamma.len() - 1);
@@ -148,7 +153,7 @@ impl SphereGrid {
     /// Those nodes, C running faster, and where the direction lies between them, 0 to 1 along C and along γ.
     fn around(&self, c: f64, gamma: f64) -> ([usize; 4], [f64; 2]) {
         let along_c = (c / TAU * self.c_count as f64).rem_euclid(self.c_count as f64);
-        let k = self.gamma.partition_point(|node| *node <= gamma).clamp(1, self.gamma.len() - 1) - 1;
+        let k = self.gamma_below(gamma);
         let j = along_c as usize % self.c_count;
         let u = along_c - along_c.floor();
         let v = ((gamma - self.gamma[k]) / (self.gamma[k + 1] - self.gamma[k])).clamp(0.0, 1.0);

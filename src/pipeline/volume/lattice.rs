@@ -283,9 +283,14 @@ impl VolumeLattice {
 
     /// ∫ of that along the whole line through a point, ds in mm. Exact: along a line it is a cubic in each cell.
     pub fn integral(&self, point_mm: DVec3, direction: DVec3, values: &[f64]) -> f64 {
+        self.integral_up_to(point_mm, direction, f64::INFINITY, values)
+    }
+
+    /// The same along the line up to `end_mm` beyond the point.
+    pub fn integral_up_to(&self, point_mm: DVec3, direction: DVec3, end_mm: f64, values: &[f64]) -> f64 {
         let from = ((point_mm - self.min_mm) / self.pitch_mm).to_array();
         let per_mm = (direction / self.pitch_mm).to_array();
-        let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
+        let (mut enter, mut leave) = (f64::NEG_INFINITY, end_mm);
         for k in 0..3 {
             let (low, high) = (-from[k] / per_mm[k], (self.cells[k] as f64 - from[k]) / per_mm[k]);
             if per_mm[k] != 0.0 {

@@ -45,6 +45,11 @@ impl Raster {
         }
     }
 
+    /// Adds one cell.
+    pub fn cell(&mut self, column: usize, row: usize, color: [u8; 3]) {
+        self.put(column, row, 0.0, color);
+    }
+
     fn put(&mut self, column: usize, row: usize, depth: f64, color: [u8; 3]) {
         if column >= self.columns || row >= self.rows {
             return;

@@ -38,6 +38,8 @@ pub mod events;
 pub mod artifacts;
 /// New rays from the models of jobs.
 pub mod rays;
+/// Evaluations of the models of jobs.
+pub mod evaluations;
 /// Webhooks.
 pub mod webhooks;
 /// Deliveries of webhooks.
@@ -142,6 +144,7 @@ fn routes() -> OpenApiRouter<Api> {
         .routes(needs(JobsRead, routes!(artifacts::download)))
         .routes(needs(JobsRead, routes!(artifacts::download_zip)))
         .routes(needs(JobsRead, routes!(rays::draw)))
+        .routes(needs(JobsRead, routes!(evaluations::evaluate)))
         .routes(needs(WebhooksRead, routes!(webhooks::list)))
         .routes(needs(WebhooksRead, routes!(webhooks::get)))
         .routes(needs(WebhooksRead, routes!(deliveries::list)));

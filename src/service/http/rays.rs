@@ -5,9 +5,12 @@ use super::artifacts::{FileFacts, answer};
 use super::extract::{Path, Query};
 use super::job::find;
 use super::problem::Problem;
+use super::ranges;
+use super::ranges::Wanted;
 use crate::accounts::access::Access;
 use crate::jobs::estimate::PIPELINE;
 use crate::jobs::query;
+use crate::jobs::query::StoredArtifact;
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::{HeaderMap, Method};
@@ -108,21 +111,36 @@ pub async fn draw(
     if !(1..=MOST_NEW_RAYS).contains(&wanted.count) {
         return Err(Problem::out_of_range("count", "from 1 to 1000000000000"));
     }
-    let stored = async |name: &str| {
-        let found = query::artifact_named(&api.storage.records, &id, name).await?;
-        found.ok_or_else(|| Problem::no_artifact(name))
-    };
-    let files = [stored(MODEL_FILES[0]).await?, stored(MODEL_FILES[1]).await?];
+    let files = model_files(&api, &id).await?;
     let RaysQuery { count, seed, format } = wanted;
-    let request = RayRequest { count, seed, target: format.target() };
-    let drawing = api.models.draw(&api.storage.blobs, &files, request).await?.ok_or_else(Problem::busy)?;
     let extension = format.extension();
     let [emitter, goniograms] = &files;
-    let facts = FileFacts {
+    let facts = |byte_count| FileFacts {
         name: format!("rays-{count}-seed-{seed}.{extension}"),
         media_type: "application/octet-stream".to_owned(),
-        byte_count: drawing.byte_count,
+        byte_count,
         etag: format!("\"{}-{}-{count}-{seed}-{extension}-{PIPELINE}\"", emitter.sha256, goniograms.sha256),
     };
-    answer(&facts, &method, &headers, async |range| Ok(Body::from_stream(drawing.stream(range)))).await
+    // What a condition keeps from being sent needs no model.
+    let unmade = facts(0);
+    if matches!(ranges::wanted(&headers, &unmade.etag, 0), Wanted::Nothing | Wanted::Changed) {
+        return answer(&unmade, &method, &headers, async |_| Ok(Body::empty())).await;
+    }
+    let request = RayRequest { count, seed, target: format.target() };
+    let drawing = api.models.draw(&access.tenant, &api.storage.blobs, &files, request).await?;
+    let drawing = drawing.ok_or_else(Problem::busy)?;
+    answer(&facts(drawing.byte_count), &method, &headers, async |range| Ok(Body::from_stream(drawing.stream(range))))
+        .await
+}
+
+/// The two files of the model of a job that was found.
+///
+/// # Errors
+/// The job has none; the database does not answer.
+pub async fn model_files(api: &Api, id: &str) -> Result<[StoredArtifact; 2], Problem> {
+    let stored = async |name: &str| {
+        let found = query::artifact_named(&api.storage.records, id, name).await?;
+        found.ok_or_else(|| Problem::no_artifact(name))
+    };
+    Ok([stored(MODEL_FILES[0]).await?, stored(MODEL_FILES[1]).await?])
 }

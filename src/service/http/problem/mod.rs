@@ -305,6 +305,15 @@ impl Problem {
             .remedy("Try again after the time in Retry-After.")
     }
 
+    /// An evaluation takes longer than an answer may.
+    pub fn evaluation_too_long() -> Problem {
+        let (status, title) = (StatusCode::UNPROCESSABLE_ENTITY, "The evaluation takes too long");
+        let detail = "The evaluation was not done after 20 s, which is as long as an answer may take.";
+        Problem::new(status, "evaluation.too_long", title, detail).remedy(
+            "Ask for fewer cells, fewer samples or a larger tolerance, or evaluate the model with the command lampwright evaluate.",
+        )
+    }
+
     /// The service is stopping.
     pub fn draining() -> Problem {
         let detail = "The service is stopping and accepts no new requests.";

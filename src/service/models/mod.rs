@@ -1,4 +1,7 @@
-//! Models of jobs, read back from their stored files and kept for the next request, and the new rays that are drawn from them.
+//! Models of jobs, read back from their stored files and kept for the next request; the new rays that are drawn from them, and evaluations.
+
+/// Places, and tenants' shares of them.
+mod places;
 
 use crate::jobs::query::StoredArtifact;
 use crate::priority::compute;
@@ -6,32 +9,43 @@ use crate::storage::blobs::Blobs;
 use bytes::Bytes;
 use futures::Stream;
 use futures::stream::poll_fn;
-use pipeline::{Error, Failed, Limits, NewRays, RayRequest, Stage, StoredModel, Watch};
+use pipeline::{
+    Artifact, Error, EvaluationForm, EvaluationRequest, Failed, Limits, NewRays, RayRequest, Stage, StoredModel, Watch,
+};
+use places::{Place, Places};
+use std::collections::HashMap;
 use std::io;
 use std::io::Write;
 use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc as blocking;
 use std::sync::{Arc, Mutex, PoisonError};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc, oneshot};
+use std::time::{Duration, Instant};
+use tokio::sync::{Mutex as Turns, OwnedMutexGuard, mpsc, oneshot};
 use tokio_util::sync::CancellationToken;
 
 /// Models that are kept, and most bytes of the files they were read from.
 const KEPT: usize = 8;
 const KEPT_BYTES: u64 = 256 << 20;
-/// Files of new rays that are drawn at once.
-const AT_ONCE: usize = 8;
 /// Bytes that are drawn at once, and pieces of them that may wait to be sent.
 const BLOCK_BYTES: u64 = 2 << 20;
 const PIECES: usize = 2;
+/// Longest evaluation: its answer is to begin before the request is given up.
+const LONGEST: Duration = Duration::from_secs(20);
 
-/// Reads models, and draws rays from them.
+/// Reads models, draws rays from them, and evaluates them.
 #[derive(Clone)]
 pub struct Models {
     kept: Arc<Mutex<Vec<Kept>>>,
-    places: Arc<Semaphore>,
-    /// The service stops: rays end.
+    /// Models that are being read: whoever wants one of them waits for it.
+    reading: Arc<Mutex<Reading>>,
+    places: Places,
+    /// The service stops: rays and evaluations end.
     stopping: CancellationToken,
 }
+
+/// By the digests of its files, who may read a model.
+type Reading = HashMap<[String; 2], Arc<Turns<()>>>;
 
 struct Kept {
     digests: [String; 2],
@@ -60,20 +74,21 @@ impl Drawing {
 impl Models {
     /// None are kept yet.
     pub fn new(stopping: CancellationToken) -> Models {
-        Models { kept: Arc::default(), places: Arc::new(Semaphore::new(AT_ONCE)), stopping }
+        Models { kept: Arc::default(), reading: Arc::default(), places: Places::default(), stopping }
     }
 
-    /// Prepares new rays of the model in `files`; `None` where as many are drawn already as may be.
+    /// Prepares new rays of the model in `files`; `None` where `tenant` has as many places as it may.
     ///
     /// # Errors
     /// The store does not have the files, they are no model's, or the rays do not fit the format.
     pub async fn draw(
         &self,
+        tenant: &str,
         blobs: &Blobs,
         files: &[StoredArtifact; 2],
         request: RayRequest,
     ) -> Result<Option<Drawing>, Error> {
-        let Ok(place) = Arc::clone(&self.places).try_acquire_owned() else { return Ok(None) };
+        let Some(place) = self.places.take(tenant) else { return Ok(None) };
         let (model, place) = self.model(blobs, files, place).await?;
         let (begun, beginning) = oneshot::channel();
         let (range, wanted) = blocking::channel();
@@ -96,14 +111,52 @@ impl Models {
         Ok(Some(Drawing { byte_count, range, pieces }))
     }
 
-    /// The model of `files`, kept or read.
+    /// Evaluates the model in `files`. Dropped before it is done, the evaluation ends.
+    ///
+    /// # Errors
+    /// The store does not have the files, they are no model's, or the request cannot be answered.
+    pub async fn evaluate(
+        &self,
+        tenant: &str,
+        blobs: &Blobs,
+        files: &[StoredArtifact; 2],
+        request: EvaluationRequest,
+        form: EvaluationForm,
+    ) -> Result<Evaluated, Error> {
+        let Some(place) = self.places.take(tenant) else { return Ok(Evaluated::Busy) };
+        let (model, place) = self.model(blobs, files, place).await?;
+        let gone = CancellationToken::new();
+        let _here = gone.clone().drop_guard();
+        let watch = Evaluating {
+            stopping: self.stopping.clone(),
+            gone,
+            end: Instant::now() + LONGEST,
+            is_late: AtomicBool::new(false),
+        };
+        let work = move || {
+            let _place = place;
+            let evaluated = pipeline::evaluate(&model, &request, form, &watch);
+            (evaluated, watch.is_late.into_inner())
+        };
+        match compute("evaluation", work).await.map_err(Error::from)? {
+            (Err(Error::Cancelled), true) => Ok(Evaluated::TooLong),
+            (Err(Error::Cancelled), false) => Ok(Evaluated::Stopping),
+            (evaluated, _) => evaluated.map(Evaluated::File),
+        }
+    }
+
+    /// The model of `files`, kept or read; once, whoever else wants it at the same time.
     async fn model(
         &self,
         blobs: &Blobs,
         files: &[StoredArtifact; 2],
-        place: OwnedSemaphorePermit,
-    ) -> Result<(Arc<StoredModel>, OwnedSemaphorePermit), Error> {
+        place: Place,
+    ) -> Result<(Arc<StoredModel>, Place), Error> {
         let digests = [files[0].sha256.clone(), files[1].sha256.clone()];
+        if let Some(model) = self.find(&digests) {
+            return Ok((model, place));
+        }
+        let turn = self.turn(&digests).await;
         if let Some(model) = self.find(&digests) {
             return Ok((model, place));
         }
@@ -115,9 +168,10 @@ impl Models {
         }
         let byte_count = files.iter().map(|file| file.byte_count).sum();
         let models = self.clone();
-        // The place goes with the work, which goes on, and keeps the model, when the client has left.
+        // Place and turn go with the work, which goes on, and keeps the model, when the client has left.
         let read = move || match bytes.as_slice() {
             [emitter, goniograms] => {
+                let _turn = turn;
                 let model =
                     pipeline::read_model(emitter, goniograms, &Limits::default()).map_err(|error| match error {
                         Error::Malformed(found) => Error::Internal(format!("a stored model cannot be read: {found:?}")),
@@ -130,6 +184,17 @@ impl Models {
             _ => Err(Error::Internal("a model has two files".to_owned())),
         };
         compute("model", read).await.map_err(Error::from)?
+    }
+
+    /// Waits until nobody reads the model of these files.
+    async fn turn(&self, digests: &[String; 2]) -> OwnedMutexGuard<()> {
+        let turns = {
+            let mut reading = self.reading.lock().unwrap_or_else(PoisonError::into_inner);
+            // Those that nobody holds or waits for any more.
+            reading.retain(|_, turns| Arc::strong_count(turns) > 1);
+            Arc::clone(reading.entry(digests.clone()).or_default())
+        };
+        turns.lock_owned().await
     }
 
     /// A kept model, which is then the last to go.
@@ -180,6 +245,37 @@ impl Write for Pieces<'_> {
 
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
+    }
+}
+
+/// What became of an evaluation.
+pub enum Evaluated {
+    /// It is done.
+    File(Artifact),
+    /// The tenant has as many places as it may.
+    Busy,
+    /// It would take longer than an answer may.
+    TooLong,
+    /// The service stops.
+    Stopping,
+}
+
+/// An evaluation ends when the service stops, when nobody waits for it, and when it takes too long.
+struct Evaluating {
+    stopping: CancellationToken,
+    gone: CancellationToken,
+    end: Instant,
+    is_late: AtomicBool,
+}
+
+impl Watch for Evaluating {
+    fn progress(&self, _: Stage, _: f64) {}
+
+    fn cancelled(&self) -> bool {
+        if Instant::now() >= self.end {
+            self.is_late.store(true, Ordering::Relaxed);
+        }
+        self.is_late.load(Ordering::Relaxed) || self.stopping.is_cancelled() || self.gone.is_cancelled()
     }
 }
 

@@ -1,0 +1,268 @@
+//! `/v1/jobs/{id}/evaluations`: intensity, irradiance and radiance of the model of a job.
+
+use super::api::Api;
+use super::artifacts::disposition;
+use super::extract::{Body, Path};
+use super::job::find;
+use super::problem::Problem;
+use super::rays::model_files;
+use crate::accounts::access::Access;
+use crate::jobs::request::NumberPair;
+use crate::models::Evaluated;
+use axum::extract::State;
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use pipeline::{Error, EvaluationForm, EvaluationRequest, LightKind, Place, TOLERANCE, Vector, View, Width};
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// Most numbers of an answer: cells times channels.
+const MOST_NUMBERS: usize = 1 << 18;
+/// Lines along each side of a cell of a camera where nothing is said.
+const SAMPLES: usize = 2;
+
+/// What is asked of a model.
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NewEvaluation {
+    /// What is looked at.
+    pub view: EvaluationView,
+    /// Which light. Default: luminous where the model knows it, else radiant.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light: Option<LightName>,
+    /// Error of an irradiance that is aimed at, as a part of its value. Default: 0.001.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 0.000_001, maximum = 0.1)]
+    pub tolerance: Option<f64>,
+    /// Form of the answer. Default: json.
+    #[serde(default)]
+    #[schema(nullable)]
+    pub format: EvaluationFormat,
+}
+
+/// What is looked at. Lengths are in mm, directions are vectors in the source frame.
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum EvaluationView {
+    /// Intensity on a grid of C and gamma.
+    Grid(DirectionGrid),
+    /// Intensity in directions of the source frame, of any length but 0.
+    #[schema(value_type = Vec<NumberTriple>)]
+    Directions(Vec<[f64; 3]>),
+    /// Intensity at pairs of C and gamma, degrees.
+    #[schema(value_type = Vec<NumberPair>)]
+    Angles(Vec<[f64; 2]>),
+    /// Irradiance or illuminance on a rectangle.
+    Plane(PlaneView),
+    /// Radiance or luminance as a camera sees it.
+    Camera(CameraView),
+}
+
+/// Three numbers.
+#[derive(ToSchema)]
+#[schema(min_items = 3, max_items = 3)]
+pub struct NumberTriple(#[expect(dead_code, reason = "a schema, never a value")] Vec<f64>);
+
+/// A grid of the photometric frame, from C = 0 and gamma = 0 on.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DirectionGrid {
+    /// Step of C, degrees; divides 360.
+    pub c_step_deg: f64,
+    /// Step of gamma, degrees; divides 180.
+    pub gamma_step_deg: f64,
+}
+
+/// A rectangle of a plane. Its rows are those of the picture that is seen from the side that is lit.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlaneView {
+    /// Its middle.
+    #[schema(value_type = NumberTriple)]
+    pub center_mm: [f64; 3],
+    /// Normal towards the side that is lit. Default: against the axis gamma = 0 of the source.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<NumberTriple>)]
+    pub normal: Option<[f64; 3]>,
+    /// What is up in the picture. Default: +Z, and +Y of a plane across Z.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<NumberTriple>)]
+    pub up: Option<[f64; 3]>,
+    /// Along its rows.
+    #[schema(exclusive_minimum = 0.0)]
+    pub width_mm: f64,
+    /// Along its columns.
+    #[schema(exclusive_minimum = 0.0)]
+    pub height_mm: f64,
+    /// Cells in a row.
+    #[schema(minimum = 1, maximum = 4096)]
+    pub columns: usize,
+    /// Rows.
+    #[schema(minimum = 1, maximum = 4096)]
+    pub rows: usize,
+}
+
+/// A camera with square cells; orthographic with `width_mm`, perspective with `field_deg`.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CameraView {
+    /// Where it is. An orthographic camera is infinitely far away in the same direction.
+    #[schema(value_type = NumberTriple)]
+    pub eye_mm: [f64; 3],
+    /// What is in the middle of the picture. Default: the origin.
+    #[serde(default)]
+    #[schema(nullable, value_type = NumberTriple)]
+    pub target_mm: [f64; 3],
+    /// What is up in the picture. Default: +Z, and +Y of a camera that looks along Z.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<NumberTriple>)]
+    pub up: Option<[f64; 3]>,
+    /// Width of what an orthographic camera sees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(exclusive_minimum = 0.0)]
+    pub width_mm: Option<f64>,
+    /// Angle of the whole width of a perspective camera.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(exclusive_minimum = 0.0, exclusive_maximum = 180.0)]
+    pub field_deg: Option<f64>,
+    /// Cells in a row.
+    #[schema(minimum = 1, maximum = 4096)]
+    pub columns: usize,
+    /// Rows.
+    #[schema(minimum = 1, maximum = 4096)]
+    pub rows: usize,
+    /// Lines along each side of a cell, whose mean is its value; 1 is the line through its middle. Default: 2.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 1, maximum = 16)]
+    pub samples: Option<usize>,
+}
+
+/// Which light.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum LightName {
+    /// lm.
+    Luminous,
+    /// W.
+    Radiant,
+    /// W/nm in each band of the model.
+    Spectrum,
+    /// Tristimulus values X, Y, Z and chromaticity x, y of the CIE 1931 observer.
+    Color,
+}
+
+/// Form of an answer.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum EvaluationFormat {
+    /// `openapi/evaluation.schema.json`.
+    #[default]
+    Json,
+    /// One line a cell.
+    Csv,
+    /// One page of 32-bit floats a channel, then one for the bounds of each.
+    Tiff,
+    /// A drawing with axes and a scale.
+    Svg,
+}
+
+impl NewEvaluation {
+    /// In the pipeline's words.
+    fn request(self) -> Result<EvaluationRequest, Problem> {
+        let vector = Vector::from_array;
+        let view = match self.view {
+            EvaluationView::Grid(DirectionGrid { c_step_deg, gamma_step_deg }) => {
+                View::Grid { c_step_deg, gamma_step_deg }
+            }
+            EvaluationView::Directions(directions) => View::Directions(directions.into_iter().map(vector).collect()),
+            EvaluationView::Angles(angles) => View::Angles(angles),
+            EvaluationView::Plane(plane) => View::Plane(pipeline::Plane {
+                center_mm: vector(plane.center_mm),
+                normal: plane.normal.map(vector),
+                up: plane.up.map(vector),
+                width_mm: plane.width_mm,
+                height_mm: plane.height_mm,
+                columns: plane.columns,
+                rows: plane.rows,
+            }),
+            EvaluationView::Camera(camera) => View::Camera(pipeline::Camera {
+                eye_mm: vector(camera.eye_mm),
+                target_mm: vector(camera.target_mm),
+                up: camera.up.map(vector),
+                width: match (camera.width_mm, camera.field_deg) {
+                    (Some(width_mm), None) => Width::Orthographic(width_mm),
+                    (None, Some(field_deg)) => Width::Perspective(field_deg),
+                    _ => {
+                        let found = "The camera has no width, or two: width_mm and field_deg.";
+                        let remedy = "Give width_mm of an orthographic camera, or field_deg of a perspective one.";
+                        let place = Place::Asked("camera.width_mm");
+                        return Err(Error::invalid_declaration("evaluation.geometry", place, found, remedy).into());
+                    }
+                },
+                columns: camera.columns,
+                rows: camera.rows,
+                samples: camera.samples.unwrap_or(SAMPLES),
+            }),
+        };
+        let kind = self.light.map(|light| match light {
+            LightName::Luminous => LightKind::Luminous,
+            LightName::Radiant => LightKind::Radiant,
+            LightName::Spectrum => LightKind::Spectrum,
+            LightName::Color => LightKind::Color,
+        });
+        let tolerance = self.tolerance.unwrap_or(TOLERANCE);
+        Ok(EvaluationRequest { view, kind, tolerance, most_numbers: MOST_NUMBERS })
+    }
+}
+
+impl EvaluationFormat {
+    fn form(self) -> EvaluationForm {
+        match self {
+            EvaluationFormat::Json => EvaluationForm::Json,
+            EvaluationFormat::Csv => EvaluationForm::Csv,
+            EvaluationFormat::Tiff => EvaluationForm::Tiff,
+            EvaluationFormat::Svg => EvaluationForm::Svg,
+        }
+    }
+}
+
+/// Evaluates the model of a job
+///
+/// Intensity, irradiance or radiance without noise, each number with the bound of its error against the model. An answer has at most 262144
+/// numbers (cells times channels) and takes at most 20 s; `lampwright evaluate` computes what is larger. Nothing is stored, so the request can
+/// be repeated.
+#[utoipa::path(
+    post, path = "/v1/jobs/{id}/evaluations", tag = "artifacts", operation_id = "evaluate_model", request_body = NewEvaluation,
+    params(("id" = String, Path, description = "the job")),
+    responses(
+        (status = 200, content((inline(super::api::AnyFile) = "application/json"), (inline(super::api::AnyFile) = "text/csv"), (inline(super::api::Binary) = "image/tiff"), (inline(super::api::AnyFile) = "image/svg+xml")), description = "the answer, in the form that was asked for; JSON follows openapi/evaluation.schema.json"),
+        (status = 400, body = Problem, content_type = "application/problem+json", description = "the body is not JSON"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job, or it has not succeeded"),
+        (status = 413, body = Problem, content_type = "application/problem+json", description = "the body is too large"),
+        (status = 415, body = Problem, content_type = "application/problem+json", description = "the Content-Type is not application/json"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "a field is unknown, of the wrong type or out of range; the model does not know this light; the answer would be too large or take too long"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy or stopping, or the database or the object store does not answer"),
+    )
+)]
+pub async fn evaluate(
+    State(api): State<Api>,
+    access: Access,
+    Path(id): Path<String>,
+    Body(new): Body<NewEvaluation>,
+) -> Result<Response, Problem> {
+    find(&api, &access, &id).await?;
+    let files = model_files(&api, &id).await?;
+    let form = new.format.form();
+    let request = new.request()?;
+    match api.models.evaluate(&access.tenant, &api.storage.blobs, &files, request, form).await? {
+        Evaluated::File(file) => {
+            let disposition = disposition(&file.name, file.media_type);
+            let headers =
+                [(header::CONTENT_TYPE, file.media_type.to_owned()), (header::CONTENT_DISPOSITION, disposition)];
+            Ok((headers, file.bytes).into_response())
+        }
+        Evaluated::Busy => Err(Problem::busy()),
+        Evaluated::TooLong => Err(Problem::evaluation_too_long()),
+        Evaluated::Stopping => Err(Problem::draining()),
+    }
+}
