@@ -23,9 +23,9 @@ const LATTICE_CELL: f64 = 12.0;
 /// A vertex while the hull is made; and for each thread, what it saw of the light there.
 const HULL_VERTEX: f64 = 400.0;
 const HULL_VERTEX_THREAD: f64 = 72.0;
-/// What each thread adds up of its own of all tables below this size: 8 bytes a number, three and the columns for each vertex, triangle, cell and
-/// node. (What is larger is shared.)
-const MOST_OWN_NUMBERS: f64 = 1_048_576.0;
+/// What threads add up of their own, of each table that is below this size for all of them together: 8 bytes a number, three and the columns
+/// for each vertex, triangle, cell and node. (What is larger is shared.)
+const MOST_OWN_NUMBERS: f64 = 4_194_304.0;
 const OWN_NUMBER: f64 = 8.0;
 /// A vertex later: mesh, fluxes, its neighbours in smoothing, and its numbers in the files.
 const VERTEX: f64 = 1750.0;
@@ -86,8 +86,7 @@ pub fn estimate(files: &[(&Claims, &Declared)], options: &Options, threads: usiz
     let spectrum = Spectrum::of(files, options);
     let (cells, vertices) = surface(rays, options.hull.resolution.map(f64::from));
     let threads = threads.max(1) as f64;
-    let tables = own_tables(rays, vertices, &spectrum, options);
-    let landing = vertices * HULL_VERTEX + tables * threads;
+    let landing = vertices * HULL_VERTEX + tables(rays, vertices, &spectrum, options, threads);
     let hull = LATTICE_CELL * cells + vertices * (HULL_VERTEX + HULL_VERTEX_THREAD * threads);
     let rest = vertices * VERTEX
         + spectrum.of_vertices(vertices, options.artifacts.spectra.unwrap_or_default())
@@ -95,7 +94,9 @@ pub fn estimate(files: &[(&Claims, &Declared)], options: &Options, threads: usiz
         + directions(rays, &spectrum, options);
     MemoryNeed {
         bytes: (PROCESS + THREAD * threads + SAMPLED_RAY * rays.min(MOST_SAMPLED) + hull.max(landing).max(rest)) as u64,
-        thread_bytes: (THREAD + f64::max(vertices * HULL_VERTEX_THREAD, tables)).ceil() as u64,
+        thread_bytes: (THREAD
+            + f64::max(vertices * HULL_VERTEX_THREAD, tables(rays, vertices, &spectrum, options, 1.0)))
+        .ceil() as u64,
     }
 }
 
@@ -128,18 +129,15 @@ fn volume(rays: f64, spectrum: &Spectrum, options: &Options) -> f64 {
     nodes(rays, spectrum, options) * (NODE + NODE_BAND * spectrum.bands + NODE_COLUMN * spectrum.columns)
 }
 
-/// What each thread adds up of its own: over vertices and triangles, cells of zones in both grids, and nodes.
-fn own_tables(rays: f64, vertices: f64, spectrum: &Spectrum, options: &Options) -> f64 {
+/// What `threads` threads add up: over vertices and triangles, cells of zones in both grids, those of kinds of zones, and nodes.
+fn tables(rays: f64, vertices: f64, spectrum: &Spectrum, options: &Options, threads: f64) -> f64 {
     let (cells, zones) = zones(rays, spectrum, options);
     let with_columns = 3.0 + spectrum.columns;
-    let numbers = [
-        vertices * with_columns,
-        2.0 * vertices * 3.0,
-        cells * 3.0,
-        zones * ZONE_CELLS * with_columns,
-        nodes(rays, spectrum, options) * with_columns,
-    ];
-    numbers.into_iter().map(|numbers| OWN_NUMBER * numbers.min(MOST_OWN_NUMBERS)).sum()
+    let of_zones = [cells * 3.0, zones * ZONE_CELLS * spectrum.columns];
+    let numbers = [vertices * with_columns, 2.0 * vertices * 3.0, nodes(rays, spectrum, options) * with_columns];
+    let bytes = |numbers: f64| OWN_NUMBER * (numbers * threads).min(numbers.max(MOST_OWN_NUMBERS));
+    let of_kinds = if options.goniogram.zones.is_none() { of_zones } else { [0.0; 2] };
+    [&numbers[..], &of_zones, &of_kinds].into_iter().flatten().map(|numbers| bytes(*numbers)).sum()
 }
 
 /// Cells of one goniogram.

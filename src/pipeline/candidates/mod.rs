@@ -79,12 +79,16 @@ pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageW
     };
     let mut options = options.clone();
     options.hull.resolution = options.hull.resolution.map(|cells| cells.min(MOST_CELLS));
+    let groups = BandGroups::of(source, &sample.training.rays);
+    // The one that will be verified has its spectrum, where that is to be compared; those that are only compared do without.
+    let is_only = matches!(open.make_contiguous(), [Carrier::Origins | Carrier::Volume]);
     let mut best: Option<(Model, Vec<f64>)> = None;
     let mut left = watch.part(SEARCHED, COMPARED);
     while let Some(carrier) = open.pop_front() {
         let part = left.part(0.0, 0.4);
         left = left.part(0.4, 1.0);
-        let cloud = Cloud::sampled(source, &sample.training, carrier).plain();
+        let with_spectrum = Cloud::sampled(source, &sample.training, carrier);
+        let cloud = if is_only && groups.is_some() { with_spectrum } else { with_spectrum.plain() };
         match Model::build(&cloud, None, &options, limits, |stage| Ok(part_of(part, stage))) {
             // What is too much for the options is so for all rays too, and said there.
             Err(Error::Refused(_)) if study.candidates.is_empty() && carrier.patch().is_none() => {
@@ -108,12 +112,11 @@ pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageW
         }
     }
     let carrier = study.candidates[study.chosen].carrier;
-    if let Some((plain, _)) = best {
-        let groups = BandGroups::of(source, &sample.training.rays);
+    if let Some((best, _)) = best {
         let cloud = Cloud::sampled(source, &sample.training, carrier);
         let part = watch.part(COMPARED, JUDGED);
         let with_spectrum = || Model::build(&cloud, None, &options, limits, |stage| Ok(part_of(part, stage)));
-        let model = if groups.is_some() { with_spectrum()? } else { plain };
+        let model = if groups.is_some() && !is_only { with_spectrum()? } else { best };
         verify(&model, source, &sample, groups.as_ref(), &mut study, watch.part(JUDGED, 1.0))?;
     }
     Ok(Chosen { carrier, study: Some(study), sample })
@@ -182,10 +185,10 @@ fn focal_patches(
     watch: StageWatch<'_>,
 ) -> Result<Vec<FocalPatch>, Error> {
     let Some(search) = Search::new(rays) else { return Ok(Vec::new()) };
-    let [plane, sphere] = search.sharpest(watch)?;
     let size_mm = source.survey.bounds_mm.size();
     let is_flat = |axis: glam::DVec3| size_mm.dot(axis.abs()) < FLAT * size_mm.length();
     let given = search.given().filter(|given| only_where_better && is_flat(given.surface.axes.z_axis));
+    let [plane, sphere] = search.sharpest(given, watch)?;
     let better = |sharp: Option<Sharp>, than: Option<Sharp>| {
         sharp.filter(|sharp| than.is_none_or(|than| sharp.log_radiance > than.log_radiance + WORTH_TRYING))
     };

@@ -39,11 +39,11 @@ const FOCUS_WITHIN: f64 = 3.0;
 const PLANES: usize = 25;
 const DEPTHS: usize = 9;
 const CURVATURES: [f64; 8] = [-0.9, -0.6, -0.3, 0.2, 0.4, 0.7, 1.0, 1.4];
-/// Then places around the best, in steps that are halved so often where none is better, in at most so many rounds: first by a few rays, ...
+/// Then places around the best, in steps that are halved so often where none is better, in at most so many rounds each: first by a few rays, ...
 const COARSE: Effort = Effort { rays: 5_000, halvings: HALVINGS - 2, halved: 4 };
-/// ... then by all.
+/// ... then by all, where the few rays show that it is worth it.
 const FINE: Effort = Effort { rays: MOST_RAYS, halvings: HALVINGS, halved: 8 };
-const MOST_ROUNDS: usize = 40;
+const MOST_ROUNDS: usize = 25;
 /// Parts of the flux left aside on each side of a patch on a plane and on a sphere, ...
 const ASIDE: [f64; 2] = [2e-3, 1e-4];
 /// ... unless the whole is at most so many times as long.
@@ -73,6 +73,32 @@ struct Effort {
 
 /// Mean logarithm of the radiance, and the curvature (1/mm) and the depth (mm) of the surface that has it.
 type Tried = (f64, (f64, f64));
+
+/// How far places around the best one lie from it.
+#[derive(Clone, Copy)]
+struct Steps {
+    curvature_per_mm: f64,
+    depth_mm: f64,
+    /// How often they were halved.
+    halved: usize,
+}
+
+impl Steps {
+    /// The places around (curvature, depth); of a plane only those before and behind it.
+    fn around(&self, (curvature, depth): (f64, f64)) -> Vec<(f64, f64)> {
+        let aside = [(1.0, 0.0), (-1.0, 0.0), (1.0, -1.0), (-1.0, 1.0)];
+        let ahead = [(0.0, 1.0), (0.0, -1.0)];
+        let is_plane = self.curvature_per_mm == 0.0;
+        let places = aside.iter().filter(|_| !is_plane).chain(&ahead);
+        let places = places.map(|(c, z)| (curvature + c * self.curvature_per_mm, depth + z * self.depth_mm));
+        places.filter(|(c, _)| is_plane || *c != 0.0).collect()
+    }
+
+    fn half(self) -> Steps {
+        let Steps { curvature_per_mm, depth_mm, halved } = self;
+        Steps { curvature_per_mm: curvature_per_mm / 2.0, depth_mm: depth_mm / 2.0, halved: halved + 1 }
+    }
+}
 
 /// The rays by which surfaces are judged.
 pub struct Search {
@@ -113,11 +139,12 @@ impl Search {
         self.try_at(0.0, 0.0, &FINE)
     }
 
-    /// The sharpest plane and the sharpest sphere.
+    /// The sharpest plane and the sharpest sphere: the plane where it is sharper than the one that is `given`, the sphere where it is sharper
+    /// than both. Few rays tell that first.
     ///
     /// # Errors
     /// [`Error::Cancelled`].
-    pub fn sharpest(&self, watch: StageWatch<'_>) -> Result<[Option<Sharp>; 2], Error> {
+    pub fn sharpest(&self, given: Option<Sharp>, watch: StageWatch<'_>) -> Result<[Option<Sharp>; 2], Error> {
         let depth_mm = |k: usize, count: usize| {
             let behind = self.depth_mm() + BEHIND * self.size_mm;
             -behind * (1.0 - k as f64 / (count - 1) as f64)
@@ -128,9 +155,21 @@ impl Search {
             .iter()
             .flat_map(|curvature| (0..DEPTHS).map(move |k| (2.0 * curvature / self.size_mm, depth_mm(k, DEPTHS))))
             .collect();
+        let mut least = given.and_then(|_| self.try_at(0.0, 0.0, &COARSE)).map(|given| given.log_radiance);
+        let mut sharpest =
+            |places: &[(f64, f64)], curvature_per_mm: f64, watch: StageWatch<'_>| -> Result<Option<Sharp>, Error> {
+                let steps = Steps { curvature_per_mm, depth_mm: self.size_mm / 8.0, halved: 0 };
+                let found = self.climb(places, steps, &COARSE, watch.part(0.0, 0.5))?;
+                let Some((best, steps)) = found.filter(|(best, _)| least.is_none_or(|least| best.0 > least)) else {
+                    return Ok(None);
+                };
+                least = Some(best.0);
+                let found = self.climb(&[best.1], steps, &FINE, watch.part(0.5, 1.0))?;
+                Ok(found.and_then(|((_, at), _)| self.try_at(at.0, at.1, &FINE)))
+            };
         Ok([
-            self.refine(planes, 0.0, watch.part(0.0, 0.3))?,
-            self.refine(spheres, 0.6 / self.size_mm, watch.part(0.3, 1.0))?,
+            sharpest(&planes, 0.0, watch.part(0.0, 0.3))?,
+            sharpest(&spheres, 0.6 / self.size_mm, watch.part(0.3, 1.0))?,
         ])
     }
 
@@ -148,49 +187,34 @@ impl Search {
         quantiles(self.rays.iter().map(|ray| (depth(ray), ray.weight())).collect(), 1e-3)[1].max(0.0)
     }
 
-    /// The best of `places` (curvature, depth), and of those around it in ever smaller steps.
-    fn refine(
+    /// The best of `places` (curvature, depth), then of those around it in ever smaller steps; and the steps that are left. `None` where no
+    /// place has a sharpness.
+    fn climb(
         &self,
-        places: Vec<(f64, f64)>,
-        mut curvature_step: f64,
+        places: &[(f64, f64)],
+        mut steps: Steps,
+        effort: &Effort,
         watch: StageWatch<'_>,
-    ) -> Result<Option<Sharp>, Error> {
-        let best_of = |places: &[(f64, f64)], effort: &Effort, done: f64| -> Result<Option<Tried>, Error> {
+    ) -> Result<Option<(Tried, Steps)>, Error> {
+        let best_of = |places: &[(f64, f64)], halved: usize| -> Result<Option<Tried>, Error> {
             let sharp = |at: &(f64, f64)| {
-                watch.step(done)?;
+                watch.step(halved as f64 / effort.halved as f64)?;
                 Ok(self.try_at(at.0, at.1, effort).map(|sharp| (sharp.log_radiance, *at)))
             };
             let tried = places.par_iter().map(sharp).collect::<Result<Vec<_>, Error>>()?;
             Ok(tried.into_iter().flatten().reduce(|best, next| if next.0 > best.0 { next } else { best }))
         };
-        let Some(mut best) = best_of(&places, &COARSE, 0.0)? else { return Ok(None) };
-        let mut depth_step = self.size_mm / 8.0;
-        let (mut halved, mut effort) = (0, &COARSE);
+        let Some(mut best) = best_of(places, steps.halved)? else { return Ok(None) };
         for _ in 0..MOST_ROUNDS {
-            if halved == COARSE.halved && effort.rays < FINE.rays {
-                effort = &FINE;
-                best = best_of(&[best.1], effort, 0.5 + 0.5 * halved as f64 / FINE.halved as f64)?.unwrap_or(best);
-            }
-            if halved == FINE.halved {
+            if steps.halved >= effort.halved {
                 break;
             }
-            let (curvature, depth) = best.1;
-            let around: Vec<(f64, f64)> = [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (1.0, -1.0), (-1.0, 1.0)]
-                .iter()
-                .map(|(c, z)| (curvature + c * curvature_step, depth + z * depth_step))
-                .filter(|(c, _)| curvature == 0.0 || *c != 0.0)
-                .collect();
-            match best_of(&around, effort, 0.5 + 0.5 * halved as f64 / FINE.halved as f64)?
-                .filter(|next| next.0 > best.0)
-            {
+            match best_of(&steps.around(best.1), steps.halved)?.filter(|next| next.0 > best.0) {
                 Some(next) => best = next,
-                None => {
-                    (depth_step, curvature_step) = (depth_step / 2.0, curvature_step / 2.0);
-                    halved += 1;
-                }
+                None => steps = steps.half(),
             }
         }
-        Ok(self.try_at(best.1.0, best.1.1, &FINE))
+        Ok(Some((best, steps)))
     }
 
     fn try_at(&self, curvature_per_mm: f64, depth_mm: f64, effort: &Effort) -> Option<Sharp> {
@@ -467,7 +491,7 @@ mod tests {
             let truth = FocalSurface::new(DVec3::new(3.0, -1.0, 2.0), axis, 0.0);
             let search = Search::new(&rays(&truth, 1.0)).unwrap();
             let watch = StageWatch::enter(&NoProgress, Stage::Hull).unwrap();
-            let [plane, _] = search.sharpest(watch).unwrap();
+            let [plane, _] = search.sharpest(None, watch).unwrap();
             let found = plane.unwrap().surface;
             assert!(found.axes.z_axis.dot(axis) > 0.9998, "{found:?}");
             let off_mm = (found.apex_mm - truth.apex_mm).dot(axis);

@@ -3,7 +3,7 @@
 use super::Amounts;
 use crate::error::Error;
 use crate::hull::Hull;
-use crate::smoothing::{Edge, Levels, Sharing, WINDOW, refine};
+use crate::smoothing::{Counted, Edge, LANES, Levels, Sharing, Trust, WINDOW, refine, refine_all};
 use crate::source::Spectral;
 use crate::vocabulary::units::Flux;
 use crate::vocabulary::watch::StageWatch;
@@ -42,16 +42,23 @@ pub fn smooth_amounts(
     let whole = refine(levels, sites.primary(), measures, ray.primary()).amounts;
     let column_ray = if spectral.has_bands() { ray.primary() } else { ray.luminous_lm.unwrap_or(0.0) };
     let lit = sites.lit_columns();
-    let smooth_column = |column: &usize| -> Result<Vec<f64>, Error> {
+    let smooth_columns = |part: &[usize]| -> Result<Vec<Vec<f64>>, Error> {
         watch.step(0.0)?;
-        let counted = sites.column(*column);
-        Ok(if lit.len() == 1 {
-            scaled(&whole, counted.iter().sum())
-        } else {
-            refine(levels, &counted, &whole, column_ray).amounts
-        })
+        let counted: Vec<Vec<f64>> = part.iter().map(|column| sites.column(*column)).collect();
+        if lit.len() == 1 {
+            return Ok(counted.iter().map(|counted| scaled(&whole, counted.iter().sum())).collect());
+        }
+        let counted = counted.iter().map(|amounts| Counted {
+            amounts,
+            prior: &whole,
+            ray: column_ray,
+            trust: Trust::Surroundings,
+        });
+        let refined = refine_all(levels, &counted.collect::<Vec<_>>());
+        Ok(refined.into_iter().map(|refined| refined.amounts).collect())
     };
-    let mut columns = lit.par_iter().map(smooth_column).collect::<Result<Vec<_>, _>>()?;
+    let smoothed = lit.par_chunks(LANES).map(smooth_columns).collect::<Result<Vec<_>, _>>()?;
+    let mut columns: Vec<Vec<f64>> = smoothed.into_iter().flatten().collect();
     if spectral.has_bands() {
         (0..ROUNDS).for_each(|_| fit(&mut columns, &whole));
     }

@@ -26,7 +26,7 @@ use crate::vocabulary::units::Flux;
 use crate::vocabulary::watch::StageWatch;
 use balance::Share;
 use project::{Fate, Landing, Projector};
-use tally::{Deposit, Quanta, Tally};
+use tally::{Deposit, Kept, Quanta, Tally};
 
 /// Flux on the surface.
 #[derive(Clone, Debug)]
@@ -74,9 +74,9 @@ pub fn project<L: FnMut(&Ray, Option<&Landing>, &Deposit)>(
 ) -> Result<Surface, Error> {
     let projector = Projector::new(hull);
     let quanta = Quanta::of(cloud);
-    let triangles = Tally::new(&quanta, hull.triangles.len(), false, limits)?;
-    let vertices = Tally::new(&quanta, hull.vertices_mm.len(), true, limits)?;
-    let fates = Tally::new(&quanta, FATES, false, limits)?;
+    let triangles = Tally::new(&quanta, hull.triangles.len(), Kept::Fluxes, limits)?;
+    let vertices = Tally::new(&quanta, hull.vertices_mm.len(), Kept::All, limits)?;
+    let fates = Tally::new(&quanta, FATES, Kept::Fluxes, limits)?;
     let lay = |rays: &[Ray]| {
         let (mut triangles, mut vertices, mut laid) = (triangles.adding(), vertices.adding(), begin());
         let mut met = [Deposit::default(); FATES];

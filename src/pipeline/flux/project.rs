@@ -193,15 +193,16 @@ fn meet([a, b, c]: [DVec3; 3], origin_mm: DVec3, direction: DVec3) -> Option<(f6
     if determinant == 0.0 {
         return None;
     }
+    let per_determinant = 1.0 / determinant;
     let s = origin_mm - a;
     let slack = 1e-9;
-    let u = s.dot(p) / determinant;
+    let u = s.dot(p) * per_determinant;
     if !(-slack..=1.0 + slack).contains(&u) {
         return None;
     }
     let q = s.cross(ab);
-    let v = direction.dot(q) / determinant;
-    let t = ac.dot(q) / determinant;
+    let v = direction.dot(q) * per_determinant;
+    let t = ac.dot(q) * per_determinant;
     // The determinant is −direction · (ab × ac): negative when leaving.
     (v >= -slack && u + v <= 1.0 + slack && t.is_finite()).then_some((t, -determinant))
 }

@@ -110,12 +110,25 @@ impl Deposit {
     }
 }
 
-/// Most values of which each thread has a table of its own: 8 MB.
-const MOST_OWN_VALUES: usize = 1 << 20;
+/// Most values of the tables that threads have of their own, all threads together: 32 MB. Of more, all threads add to one table.
+const MOST_OWN_VALUES: usize = 1 << 22;
+
+/// What is added up at each site.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kept {
+    /// Rays and fluxes.
+    Fluxes,
+    /// Spectral columns.
+    Columns,
+    /// Both.
+    All,
+}
 
 /// Sums of deposits per site.
 pub struct Tally {
     quanta: Quanta,
+    /// Values of a site in front of its columns: [`FIXED`], or none.
+    fixed: usize,
     column_count: usize,
     values: usize,
     /// Where all threads add to one large table.
@@ -131,13 +144,14 @@ pub struct Adding<'a> {
 }
 
 impl Tally {
-    /// No deposits yet at `sites` sites. Memory: `8 × sites × (3 + columns)` bytes, for each thread while that is at most 8 MB.
+    /// No deposits yet at `sites` sites. Memory: `8 × sites × (3 + columns)` bytes, for each thread while that is at most 32 MB.
     ///
     /// # Errors
     /// `flux.too_large` above [`Limits::max_tally_values`].
-    pub fn new(quanta: &Quanta, sites: usize, with_columns: bool, limits: &Limits) -> Result<Tally, Error> {
-        let column_count = if with_columns { quanta.spectral.column_count() } else { 0 };
-        let values = sites.saturating_mul(FIXED + column_count);
+    pub fn new(quanta: &Quanta, sites: usize, kept: Kept, limits: &Limits) -> Result<Tally, Error> {
+        let column_count = if kept == Kept::Fluxes { 0 } else { quanta.spectral.column_count() };
+        let fixed = if kept == Kept::Columns { 0 } else { FIXED };
+        let values = sites.saturating_mul(fixed + column_count);
         if values > limits.max_tally_values {
             let found = format!(
                 "{sites} places (vertices, or zones times cells of directions) with {column_count} spectral columns each are too many numbers."
@@ -145,9 +159,11 @@ impl Tally {
             let remedy = "Ask for fewer zones, wider angle steps, fewer bands, or a coarser hull.";
             return Err(Error::refused("flux.too_large", found, remedy));
         }
-        let shared = if values > MOST_OWN_VALUES { values } else { 0 };
+        let is_shared = values.saturating_mul(rayon::current_num_threads()) > MOST_OWN_VALUES;
+        let shared = if is_shared { values } else { 0 };
         Ok(Tally {
             quanta: quanta.clone(),
+            fixed,
             column_count,
             values,
             shared: std::iter::repeat_with(|| AtomicU64::new(0)).take(shared).collect(),
@@ -169,13 +185,19 @@ impl Tally {
         for own in self.idle.into_inner().unwrap_or_else(PoisonError::into_inner) {
             values.iter_mut().zip(own).for_each(|(sum, amount)| *sum += amount);
         }
-        let rows = || values.chunks_exact(FIXED + self.column_count);
-        let scaled = |slot: usize, per_unit: f64| rows().map(|row| row[slot] as f64 / per_unit).collect::<Vec<f64>>();
+        let rows = || values.chunks_exact((self.fixed + self.column_count).max(1));
+        let scaled = |slot: usize, per_unit: f64| -> Vec<f64> {
+            let rows = rows().filter(|_| slot < self.fixed);
+            rows.map(|row| row[slot] as f64 / per_unit).collect()
+        };
         Amounts {
             rays: scaled(0, RAY_QUANTA),
             radiant_w: self.quanta.flux.radiant_w.map(|_| scaled(1, self.quanta.per_w)),
             luminous_lm: self.quanta.flux.luminous_lm.map(|_| scaled(2, self.quanta.per_lm)),
-            columns: rows().flat_map(|row| &row[FIXED..]).map(|value| *value as f64 / self.quanta.per_column).collect(),
+            columns: rows()
+                .flat_map(|row| &row[self.fixed..])
+                .map(|value| *value as f64 / self.quanta.per_column)
+                .collect(),
             column_count: self.column_count,
         }
     }
@@ -184,24 +206,17 @@ impl Tally {
 impl Adding<'_> {
     /// Adds `deposit` to `site`.
     pub fn add(&mut self, site: usize, deposit: &Deposit) {
-        let row = site * (FIXED + self.tally.column_count);
-        for (slot, amount) in deposit.fixed.into_iter().enumerate() {
-            self.add_value(row + slot, amount);
-        }
-        if self.tally.column_count > 0 {
-            for (column, amount) in deposit.columns {
-                self.add_value(row + FIXED + column, amount);
-            }
-        }
-    }
-
-    fn add_value(&mut self, at: usize, amount: u64) {
-        match self.own.get_mut(at) {
-            Some(sum) => *sum += amount,
-            None if amount != 0 => {
+        let Tally { fixed, column_count, .. } = *self.tally;
+        let row = site * (fixed + column_count);
+        let columns = if column_count > 0 { &deposit.columns[..] } else { &[] };
+        let of_column = columns.iter().map(|(column, amount)| (row + fixed + column, *amount));
+        let amounts = (row..).zip(deposit.fixed).take(fixed).chain(of_column).filter(|(_, amount)| *amount != 0);
+        if self.own.is_empty() {
+            amounts.for_each(|(at, amount)| {
                 self.tally.shared[at].fetch_add(amount, Ordering::Relaxed);
-            }
-            None => {}
+            });
+        } else {
+            amounts.for_each(|(at, amount)| self.own[at] += amount);
         }
     }
 }
@@ -217,7 +232,7 @@ impl Drop for Adding<'_> {
 /// Amounts per site: a site is a vertex, a triangle, or a cell of directions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Amounts {
-    /// Rays per site; a ray shared between sites counts by its shares.
+    /// Rays per site; a ray shared between sites counts by its shares. Empty, as the fluxes, where only columns were kept.
     pub rays: Vec<f64>,
     /// Radiant flux per site, W; `None` where the source's is unknown.
     pub radiant_w: Option<Vec<f64>>,
@@ -237,12 +252,12 @@ impl Amounts {
 
     /// How many sites.
     pub fn len(&self) -> usize {
-        self.rays.len()
+        self.columns.len().checked_div(self.column_count).unwrap_or(self.rays.len())
     }
 
     /// True without sites.
     pub fn is_empty(&self) -> bool {
-        self.rays.is_empty()
+        self.len() == 0
     }
 
     /// Spectral columns of a site.
@@ -297,11 +312,12 @@ impl Amounts {
 
     /// The sites `range` alone.
     pub fn slice(&self, range: std::ops::Range<usize>) -> Amounts {
-        let cut = |values: &Option<Vec<f64>>| values.as_ref().map(|values| values[range.clone()].to_vec());
+        // Where only columns were kept there is nothing to cut.
+        let cut = |values: &Vec<f64>| values.get(range.clone()).unwrap_or_default().to_vec();
         Amounts {
-            rays: self.rays[range.clone()].to_vec(),
-            radiant_w: cut(&self.radiant_w),
-            luminous_lm: cut(&self.luminous_lm),
+            rays: cut(&self.rays),
+            radiant_w: self.radiant_w.as_ref().map(cut),
+            luminous_lm: self.luminous_lm.as_ref().map(cut),
             columns: self.columns[range.start * self.column_count..range.end * self.column_count].to_vec(),
             column_count: self.column_count,
         }
@@ -360,7 +376,7 @@ mod tests {
     #[test]
     fn known_to_be_nothing_is_nothing() {
         let quanta = quanta_of(Flux { radiant_w: Some(1.0), luminous_lm: Some(0.0) }, Columns::Bands);
-        let tally = Tally::new(&quanta, 1, true, &Limits::default()).unwrap();
+        let tally = Tally::new(&quanta, 1, Kept::All, &Limits::default()).unwrap();
         tally.adding().add(0, &quanta.deposit(&Ray { luminous_lm: 0.0, ..ray(1.0, 40) }));
         assert_eq!(tally.amounts().total(), Flux { radiant_w: Some(1.0), luminous_lm: Some(0.0) });
     }
@@ -369,7 +385,7 @@ mod tests {
     fn more_than_the_limit_is_refused_before_it_is_allocated() {
         let quanta = quanta_of(Flux { radiant_w: Some(1.0), luminous_lm: None }, Columns::Bands);
         assert_eq!(
-            Tally::new(&quanta, usize::MAX / 2, true, &Limits::default()).err().unwrap().code(),
+            Tally::new(&quanta, usize::MAX / 2, Kept::All, &Limits::default()).err().unwrap().code(),
             "flux.too_large"
         );
     }
@@ -379,7 +395,7 @@ mod tests {
         // The whole flux in one site, a million times a millionth: 2^60 quanta, exactly.
         let quanta = quanta_of(Flux { radiant_w: Some(4.0), luminous_lm: None }, Columns::Bands);
         let add = |order: &mut dyn Iterator<Item = usize>| {
-            let tally = Tally::new(&quanta, 1, true, &Limits::default()).unwrap();
+            let tally = Tally::new(&quanta, 1, Kept::All, &Limits::default()).unwrap();
             order.for_each(|k| {
                 tally.adding().add(0, &quanta.deposit(&ray(4.0 * (k + 1) as f64 / 500_500.0, (k % 41) as u32)))
             });

@@ -3,7 +3,7 @@
 use super::intensity::{Grids, Measured};
 use crate::error::Error;
 use crate::flux::Amounts;
-use crate::flux::tally::{self, Deposit, Quanta, Tally};
+use crate::flux::tally::{self, Deposit, Kept, Quanta, Tally};
 use crate::source::Spectral;
 use crate::vocabulary::limits::Limits;
 
@@ -35,9 +35,9 @@ impl Counts {
         spectrum: &Spectral,
         limits: &Limits,
     ) -> Result<Counts, Error> {
-        let fine = Tally::new(quanta, zones * grids.fine.cell_count(), false, limits)?;
+        let fine = Tally::new(quanta, zones * grids.fine.cell_count(), Kept::Fluxes, limits)?;
         let spectral = (spectrum.column_count() > 0)
-            .then(|| Tally::new(quanta, zones * grids.spectral.cell_count(), true, limits))
+            .then(|| Tally::new(quanta, zones * grids.spectral.cell_count(), Kept::Columns, limits))
             .transpose()?;
         Ok(Counts { grids, zones, fine, spectral })
     }

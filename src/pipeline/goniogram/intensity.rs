@@ -8,7 +8,7 @@ use super::sphere::SphereGrid;
 use crate::flux::Amounts;
 use crate::options::GoniogramOptions;
 use crate::rays::direction_cube::DirectionCube;
-use crate::smoothing::Refined;
+use crate::smoothing::{Counted, Refined, Trust};
 use crate::source::Spectral;
 use crate::vocabulary::space::Frame;
 use crate::vocabulary::units::Flux;
@@ -189,8 +189,9 @@ impl Grids {
         hand_over(zones, shares);
         let (fine, coarse) = (Directions::new(&self.fine), Directions::new(&self.spectral));
         let column_ray = if spectrum.has_bands() { ray.primary() } else { ray.luminous_lm.unwrap_or(0.0) };
-        zones.par_iter_mut().zip(refined).for_each(|(zone, refined)| {
-            zone.smooth(&fine, refined, ray);
+        let luminous = luminous(zones, &refined, &fine, ray);
+        zones.par_iter_mut().zip(refined).zip(luminous).for_each(|((zone, refined), luminous)| {
+            zone.take(&self.fine, refined, luminous);
             self.smooth_columns(zone, &coarse, column_ray);
         });
     }
@@ -201,7 +202,8 @@ impl Grids {
         if smooths {
             let (fine, coarse) = (Directions::new(&self.fine), Directions::new(&self.spectral));
             let refined = fine.even(whole.fine.primary(), ray.primary());
-            whole.smooth(&fine, refined, ray);
+            let luminous = luminous(std::slice::from_ref(&whole), std::slice::from_ref(&refined), &fine, ray).pop();
+            whole.take(&self.fine, refined, luminous.flatten());
             let column_ray = if spectrum.has_bands() { ray.primary() } else { ray.luminous_lm.unwrap_or(0.0) };
             self.smooth_columns(&mut whole, &coarse, column_ray);
         }
@@ -222,11 +224,11 @@ impl Grids {
             self.fine.interpolate(&nodes, direction.y.atan2(direction.x), gamma)
         });
         let (totals, lit) = (zone.spectral.column_totals(), zone.spectral.lit_columns());
-        let smooth = |column: &usize| -> Vec<f64> {
-            let counted = zone.spectral.column(*column);
-            if lit.len() == 1 { counted } else { coarse.like(&counted, &expected, ray) }
-        };
-        let mut columns: Vec<Vec<f64>> = lit.iter().map(smooth).collect();
+        let mut columns: Vec<Vec<f64>> = lit.iter().map(|column| zone.spectral.column(*column)).collect();
+        if columns.len() > 1 {
+            let counted = |amounts| Counted { amounts, prior: &expected, ray, trust: Trust::Surroundings };
+            columns = coarse.like(&columns.iter().map(|column| counted(column)).collect::<Vec<_>>());
+        }
         for cell in 0..form.len() {
             let sum: f64 = columns.iter().map(|column| column[cell]).sum();
             let one = 1.0 / lit.len() as f64;
@@ -286,6 +288,17 @@ pub fn most_zones(directions: &DirectionCube, frame: &Frame, gamma_deg: f64, c_d
     let share = ((0..DirectionCube::CELLS).map(lit).sum::<f64>() / (TAU * PI)).min(1.0);
     let cells = 180.0 / gamma_deg * 360.0 / c_deg;
     (MOST_BYTES / (cells * (LIT_BYTES * share + DARK_BYTES * (1.0 - share)))) as usize
+}
+
+/// The luminous flux of zones per cell, smoothed like the radiant flux that is `refined`; `None` of a zone that does not know both.
+fn luminous(zones: &[Measured], refined: &[Refined], fine: &Directions<'_>, ray: &Flux) -> Vec<Option<Vec<f64>>> {
+    let knows_both = |zone: &Measured| zone.fine.radiant_w.is_some() && zone.fine.luminous_lm.is_some();
+    let counted = zones.iter().zip(refined).filter_map(|(zone, refined)| {
+        let amounts = zone.fine.luminous_lm.as_deref().filter(|_| knows_both(zone))?;
+        Some(Counted { amounts, prior: &refined.amounts, ray: zone.luminous_ray(ray), trust: Trust::Own })
+    });
+    let mut smoothed = fine.like(&counted.collect::<Vec<_>>()).into_iter();
+    zones.iter().map(|zone| if knows_both(zone) { smoothed.next() } else { None }).collect()
 }
 
 /// What zones send together; `None` without zones.
@@ -364,20 +377,17 @@ impl Measured {
         Measured { counted: fine.rays.clone(), fine, spectral, variance }
     }
 
-    fn smooth(&mut self, directions: &Directions<'_>, refined: Refined, ray: &Flux) {
+    /// Takes what was found: the primary flux, and lm where both are known.
+    fn take(&mut self, grid: &SphereGrid, refined: Refined, luminous: Option<Vec<f64>>) {
         let form = refined.amounts;
-        let luminous_ray = self.luminous_ray(ray);
-        if let Some(luminous) = &mut self.fine.luminous_lm {
-            *luminous = match &self.fine.radiant_w {
-                Some(_) => directions.like(luminous, &form, luminous_ray),
-                None => form.clone(),
-            };
+        if let Some(known) = &mut self.fine.luminous_lm {
+            *known = luminous.unwrap_or_else(|| form.clone());
         }
         if let Some(radiant) = &mut self.fine.radiant_w {
             *radiant = form;
         }
         for flux in [&mut self.fine.luminous_lm, &mut self.fine.radiant_w].into_iter().flatten() {
-            *flux = directions.grid().sharpened(flux);
+            *flux = grid.sharpened(flux);
         }
         let square = |(amount, variance): (&f64, &f64)| amount * amount * variance;
         self.variance = self.fine.primary().iter().zip(&refined.variance).map(square).collect();

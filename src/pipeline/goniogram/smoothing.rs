@@ -2,7 +2,7 @@
 
 use super::ancestry::Ancestry;
 use super::sphere::SphereGrid;
-use crate::smoothing::{Edge, Levels, Refined, Sharing, WIDE_WINDOW, refine};
+use crate::smoothing::{Counted, Edge, Levels, Refined, Sharing, Trust, WIDE_WINDOW, refine, refine_all};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -85,11 +85,6 @@ impl<'a> Directions<'a> {
         Directions { grid, levels, rings, solid_angles_sr: grid.cell_solid_angles_sr(), samples: samples(grid) }
     }
 
-    /// The grid.
-    pub fn grid(&self) -> &'a SphereGrid {
-        self.grid
-    }
-
     /// Projected solid angles: ∫ max(0, n · ω) dω over each cell, for the normals of each of `zones` (in the photometric frame: γ = 0 at
     /// −z) times their weights; the light of surfaces of radiance 1. sr.
     pub fn projected_sr(&self, zones: &[Vec<(DVec3, f64)>]) -> Vec<Vec<f64>> {
@@ -134,14 +129,30 @@ impl<'a> Directions<'a> {
 
     /// Flux per cell of a source whose cells counted `counted`, from the form `prior`.
     fn estimate(&self, counted: &[f64], prior: &Refined, ray: f64) -> Refined {
-        let total: f64 = counted.iter().sum();
-        let scale = |values: &[f64]| total / values.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-        let blurred = self.levels.blurred(counted, &self.solid_angles_sr);
-        let (a, b) = ((1.0 - SEEN) * scale(&prior.amounts), SEEN * scale(&blurred));
-        let expected: Vec<f64> = prior.amounts.iter().zip(&blurred).map(|(prior, seen)| a * prior + b * seen).collect();
-        let mut refined = refine(&self.levels, counted, &expected, ray);
-        // The prior is made of the same rays, and has their noise.
-        refined.variance.iter_mut().zip(&prior.variance).for_each(|(sum, more)| *sum += more);
+        self.estimates(&[(counted, prior)], ray).pop().unwrap_or_default()
+    }
+
+    /// As [`Directions::estimate`], of several sources.
+    fn estimates(&self, sources: &[(&[f64], &Refined)], ray: f64) -> Vec<Refined> {
+        let expected = |(counted, prior): &(&[f64], &Refined)| -> Vec<f64> {
+            let total: f64 = counted.iter().sum();
+            let scale = |values: &[f64]| total / values.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+            let blurred = self.levels.blurred(counted, &self.solid_angles_sr);
+            let (a, b) = ((1.0 - SEEN) * scale(&prior.amounts), SEEN * scale(&blurred));
+            prior.amounts.iter().zip(&blurred).map(|(prior, seen)| a * prior + b * seen).collect()
+        };
+        let expected: Vec<Vec<f64>> = sources.par_iter().map(expected).collect();
+        let counted = sources.iter().zip(&expected).map(|((amounts, _), prior)| Counted {
+            amounts,
+            prior,
+            ray,
+            trust: Trust::Own,
+        });
+        let mut refined = refine_all(&self.levels, &counted.collect::<Vec<_>>());
+        for (refined, (_, prior)) in refined.iter_mut().zip(sources) {
+            // The prior is made of the same rays, and has their noise.
+            refined.variance.iter_mut().zip(&prior.variance).for_each(|(sum, more)| *sum += more);
+        }
         refined
     }
 
@@ -203,7 +214,7 @@ impl<'a> Directions<'a> {
         if parts.len() == 1 {
             return vec![refined.clone()];
         }
-        let part = |part: &&Light| {
+        let turned = |part: &&Light| {
             let of = |cell: usize| {
                 let grazing = GRAZING * self.solid_angles_sr[cell];
                 refined.amounts[cell] * (part.even[cell] + grazing) / (whole.even[cell] + grazing)
@@ -211,16 +222,18 @@ impl<'a> Directions<'a> {
             let prior: Vec<f64> = (0..self.solid_angles_sr.len()).map(of).collect();
             let mut turned = self.turned(&part.counted, &prior, ray);
             turned.variance.iter_mut().zip(&refined.variance).for_each(|(sum, more)| *sum += more);
-            self.estimate(&part.counted, &turned, ray)
+            turned
         };
-        let mut zones: Vec<Refined> = parts.par_iter().map(part).collect();
+        let turned: Vec<Refined> = parts.par_iter().map(turned).collect();
+        let sources = parts.iter().zip(&turned).map(|(part, turned)| (part.counted.as_slice(), turned));
+        let mut zones = self.estimates(&sources.collect::<Vec<_>>(), ray);
         add_up(&mut zones, &refined.amounts);
         zones
     }
 
-    /// Another quantity of a zone, whose form is nearly that of `primary`.
-    pub fn like(&self, counted: &[f64], primary: &[f64], ray: f64) -> Vec<f64> {
-        refine(&self.levels, counted, primary, ray).amounts
+    /// Other quantities, each counted beside one whose form is nearly its own.
+    pub fn like(&self, counted: &[Counted<'_>]) -> Vec<Vec<f64>> {
+        refine_all(&self.levels, counted).into_iter().map(|refined| refined.amounts).collect()
     }
 }
 

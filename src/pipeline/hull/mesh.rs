@@ -56,8 +56,11 @@ pub struct Mesh<'a> {
 
 impl Mesh<'_> {
     /// Corners of a triangle, mm.
+    #[inline]
     pub fn corners_mm(&self, triangle: usize) -> [DVec3; 3] {
-        self.triangles[triangle].map(|vertex| self.vertices_mm[vertex as usize])
+        // Each ray asks for those of several triangles: `map` would be a call.
+        let [a, b, c] = self.triangles[triangle];
+        [self.vertices_mm[a as usize], self.vertices_mm[b as usize], self.vertices_mm[c as usize]]
     }
 
     /// Cross product of two edges: twice the area, along the outward normal, mm².
@@ -95,6 +98,7 @@ impl Hull {
     }
 
     /// Corners of a triangle, mm.
+    #[inline]
     pub fn corners_mm(&self, triangle: usize) -> [DVec3; 3] {
         self.mesh().corners_mm(triangle)
     }

@@ -38,6 +38,30 @@ impl Sharing {
     }
 }
 
+/// Numbers that are smoothed together, side by side: one, or an array of such.
+pub trait Numbers: Copy {
+    /// None of any.
+    const ZERO: Self;
+    /// Adds `weight` times `more`.
+    fn add(&mut self, weight: f64, more: &Self);
+}
+
+impl Numbers for f64 {
+    const ZERO: f64 = 0.0;
+    #[inline]
+    fn add(&mut self, weight: f64, more: &f64) {
+        *self += weight * more;
+    }
+}
+
+impl<T: Numbers, const N: usize> Numbers for [T; N] {
+    const ZERO: [T; N] = [T::ZERO; N];
+    #[inline]
+    fn add(&mut self, weight: f64, more: &[T; N]) {
+        self.iter_mut().zip(more).for_each(|(sum, more)| sum.add(weight, more));
+    }
+}
+
 /// An undirected edge: two sites and how strongly they are joined.
 pub type Edge = (u32, u32, f64);
 
@@ -86,14 +110,11 @@ impl Rows {
         &self.entries[self.starts[k]..self.starts[k + 1]]
     }
 
-    /// The products with `N` vectors that lie side by side.
-    fn apply<const N: usize>(&self, values: &[[f64; N]]) -> Vec<[f64; N]> {
+    /// The products with vectors that lie side by side.
+    fn apply<T: Numbers>(&self, values: &[T]) -> Vec<T> {
         let product = |k: usize| {
-            let mut sums = [0.0; N];
-            for (other, weight) in self.row(k) {
-                let (weight, values) = (f64::from(*weight), &values[*other as usize]);
-                sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
-            }
+            let mut sums = T::ZERO;
+            self.row(k).iter().for_each(|(other, weight)| sums.add(f64::from(*weight), &values[*other as usize]));
             sums
         };
         (0..self.len()).map(product).collect()
@@ -194,31 +215,34 @@ impl Levels {
     }
 
     /// Amounts of sites as amounts of the scale's clusters.
-    pub fn gather<const N: usize>(&self, scale: Scale, amounts: &[[f64; N]]) -> Vec<[f64; N]> {
+    pub fn gather<T: Numbers>(&self, scale: Scale, amounts: &[T]) -> Vec<T> {
         let level = &self.levels[scale.level];
         sums(amounts, &level.cluster, level.spread.len())
     }
 
     /// Amounts of clusters, smoothed.
-    pub fn smooth<const N: usize>(&self, scale: Scale, amounts: Vec<[f64; N]>) -> Vec<[f64; N]> {
+    pub fn smooth<T: Numbers>(&self, scale: Scale, amounts: Vec<T>) -> Vec<T> {
         let steps = if scale.smoothed { STEPS } else { 0 };
         (0..steps).fold(amounts, |amounts, _| self.levels[scale.level].spread.apply(&amounts))
     }
 
     /// Variance of [`Levels::smooth`] of `amounts` that rays of amount 1 make up.
-    pub fn variance(&self, scale: Scale, amounts: &[f64]) -> Vec<f64> {
-        if !scale.smoothed {
-            return amounts.iter().map(|amount| self.own_noise * amount).collect();
+    pub fn variance<T: Numbers>(&self, scale: Scale, amounts: &[T]) -> Vec<T> {
+        if scale.smoothed {
+            return self.levels[scale.level].noise.apply(amounts);
         }
-        let amounts: Vec<[f64; 1]> = amounts.iter().map(|amount| [*amount]).collect();
-        self.levels[scale.level].noise.apply(&amounts).into_iter().map(|[variance]| variance).collect()
+        let own = |amount: &T| {
+            let mut variance = T::ZERO;
+            variance.add(self.own_noise, amount);
+            variance
+        };
+        amounts.iter().map(own).collect()
     }
 
     /// Sums of amounts over the surroundings of each cluster.
-    pub fn surroundings<const N: usize>(&self, scale: Scale, amounts: Vec<[f64; N]>) -> Vec<[f64; N]> {
-        let walk = |level: &Level, amounts: Vec<[f64; N]>| {
-            (0..self.window).fold(amounts, |amounts, _| level.spread.apply(&amounts))
-        };
+    pub fn surroundings<T: Numbers>(&self, scale: Scale, amounts: Vec<T>) -> Vec<T> {
+        let walk =
+            |level: &Level, amounts: Vec<T>| (0..self.window).fold(amounts, |amounts, _| level.spread.apply(&amounts));
         let Some(coarser) = self.levels.get(scale.level + 1) else { return walk(&self.levels[scale.level], amounts) };
         let sums = walk(coarser, sums(&amounts, &coarser.parent, coarser.spread.len()));
         coarser.parent.iter().map(|parent| sums[*parent as usize]).collect()
@@ -229,22 +253,20 @@ impl Levels {
         let scale = Scale { level: self.levels.len().saturating_sub(1).min(2), smoothed: true };
         let both: Vec<[f64; 2]> = amounts.iter().zip(measures).map(|(amount, room)| [*amount, *room]).collect();
         let both = self.smooth(scale, self.gather(scale, &both));
-        let density = both.into_iter().map(|[given, room]| [if room > 0.0 { given / room } else { 0.0 }]).collect();
-        self.interpolate(scale, density).iter().zip(measures).map(|([density], measure)| density * measure).collect()
+        let density = both.into_iter().map(|[given, room]| if room > 0.0 { given / room } else { 0.0 }).collect();
+        self.interpolate(scale, density).iter().zip(measures).map(|(density, measure)| density * measure).collect()
     }
 
     /// Numbers per cluster as numbers per site, without steps from cluster to cluster.
-    pub fn interpolate<const N: usize>(&self, scale: Scale, values: Vec<[f64; N]>) -> Vec<[f64; N]> {
+    pub fn interpolate<T: Numbers>(&self, scale: Scale, values: Vec<T>) -> Vec<T> {
         (0..scale.level).rev().fold(values, |values, finer| self.levels[finer].finer.apply(&values))
     }
 }
 
 /// Sums of amounts over the members of each of `count` groups.
-fn sums<const N: usize>(amounts: &[[f64; N]], group: &[u32], count: usize) -> Vec<[f64; N]> {
-    let mut sums = vec![[0.0; N]; count];
-    for (amounts, group) in amounts.iter().zip(group) {
-        sums[*group as usize].iter_mut().zip(amounts).for_each(|(sum, amount)| *sum += amount);
-    }
+fn sums<T: Numbers>(amounts: &[T], group: &[u32], count: usize) -> Vec<T> {
+    let mut sums = vec![T::ZERO; count];
+    amounts.iter().zip(group).for_each(|(amounts, group)| sums[*group as usize].add(1.0, amounts));
     sums
 }
 

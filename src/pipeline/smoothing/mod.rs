@@ -10,6 +10,8 @@ mod levels;
 
 pub use levels::{Edge, Levels, Sharing};
 
+use rayon::prelude::*;
+
 /// How much more than expected noise must explain before a difference counts: 1 follows noise where the true ratio is flat, 2 blurs.
 const CAUTION: f64 = 1.5;
 /// The variance of a scale is at least this part of what it was before what coarser scales took of it.
@@ -31,51 +33,149 @@ pub struct Refined {
     pub variance: Vec<f64>,
 }
 
-/// `counted` amounts per site, smoothed towards `prior` (not negative; only its form matters). `ray`: amount of a typical ray,
-/// Σ w² / Σ w. A place without prior stays dark.
-pub fn refine(levels: &Levels, counted: &[f64], prior: &[f64], ray: f64) -> Refined {
-    let (total, expected): (f64, f64) = (counted.iter().sum(), prior.iter().sum());
-    let sites = counted.len();
-    if !(total > 0.0 && expected > 0.0) {
-        return Refined { amounts: vec![0.0; sites], variance: vec![0.0; sites] };
-    }
-    let mut amounts: Vec<f64> = prior.iter().map(|amount| amount * (total / expected)).collect();
-    let (mut taken, mut variance) = (vec![0.0; sites], vec![0.0; sites]);
-    let floor = FLOOR_RAYS * ray;
+/// By whose noise the difference between what was counted at a place and what was expected is judged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trust {
+    /// Its own: a place that few rays reach, as a pole of the sphere, follows its surroundings.
+    Own,
+    /// That of its surroundings together: for a part of the light that may be bright where little of it was expected, as one colour of several.
+    Surroundings,
+}
+
+/// What was counted at the sites, and what was expected.
+pub struct Counted<'a> {
+    /// Amounts per site.
+    pub amounts: &'a [f64],
+    /// What they are expected to be: not negative, only its form matters.
+    pub prior: &'a [f64],
+    /// Amount of a typical ray, Σ w² / Σ w.
+    pub ray: f64,
+    /// By whose noise a difference is judged.
+    pub trust: Trust,
+}
+
+/// As many are smoothed together, as the vector units of common processors hold well.
+pub const LANES: usize = 4;
+
+/// Counted amounts of the same sites, each smoothed towards its prior. A place without prior stays dark.
+pub fn refine_all(levels: &Levels, all: &[Counted<'_>]) -> Vec<Refined> {
+    let together = |part: &[Counted<'_>]| match part.len() {
+        1 => refined::<1>(levels, part),
+        2 => refined::<2>(levels, part),
+        _ => refined::<LANES>(levels, part),
+    };
+    all.par_chunks(LANES).flat_map_iter(together).collect()
+}
+
+/// As [`refine_all`], of one.
+pub fn refine(levels: &Levels, amounts: &[f64], prior: &[f64], ray: f64) -> Refined {
+    let [refined] = lanes(levels, [&Counted { amounts, prior, ray, trust: Trust::Own }]);
+    refined
+}
+
+/// As [`refine_all`], of one to `L`; the first fills the lanes that are left.
+fn refined<const L: usize>(levels: &Levels, part: &[Counted<'_>]) -> Vec<Refined> {
+    let filled = std::array::from_fn(|lane| part.get(lane).unwrap_or(&part[0]));
+    lanes::<L>(levels, filled).into_iter().take(part.len()).collect()
+}
+
+/// As [`refine_all`], side by side: the lanes do not touch each other.
+fn lanes<const L: usize>(levels: &Levels, counted: [&Counted<'_>; L]) -> [Refined; L] {
+    let sites = counted[0].amounts.len();
+    let side_by_side = |of: &dyn Fn(usize, usize) -> f64| -> Vec<[f64; L]> {
+        (0..sites).map(|site| std::array::from_fn(|lane| of(lane, site))).collect()
+    };
+    let totals = counted.map(|of| of.amounts.iter().sum::<f64>());
+    let scales: [f64; L] = std::array::from_fn(|lane| {
+        let expected: f64 = counted[lane].prior.iter().sum();
+        if totals[lane] > 0.0 && expected > 0.0 { totals[lane] / expected } else { 0.0 }
+    });
+    let (rays, trusts) = (counted.map(|of| of.ray), counted.map(|of| of.trust));
+    let seen = side_by_side(&|lane, site| counted[lane].amounts[site]);
+    let mut amounts = side_by_side(&|lane, site| counted[lane].prior[site] * scales[lane]);
+    let (mut taken, mut variance) = (vec![[0.0; L]; sites], vec![[0.0; L]; sites]);
     for scale in levels.scales() {
-        let sites: Vec<[f64; 3]> =
-            (0..sites).map(|site| [amounts[site], counted[site], taken[site] * amounts[site]]).collect();
-        let clusters = levels.gather(scale, &sites);
-        let noise = levels.variance(scale, &clusters.iter().map(|[expected, ..]| *expected).collect::<Vec<f64>>());
-        let smooth = levels.smooth(scale, clusters.iter().map(|[expected, seen, _]| [*expected, *seen]).collect());
-        // In each cluster how far the counts are above the expectation, its noise, and what of the noise coarser scales have not taken.
-        let found = |k: usize| {
-            let ([expected, _, weighted], [smooth, seen]) = (clusters[k], smooth[k]);
-            let under = smooth + floor;
-            let whole = ray * noise[k] / (under * under);
-            let before = if expected > 0.0 { weighted / expected } else { 0.0 };
-            [(seen + floor) / under - 1.0, whole, (whole - before).max(LEAST_NEW_NOISE * whole)]
+        let of_site = |site: usize| {
+            [amounts[site], seen[site], std::array::from_fn(|lane| taken[site][lane] * amounts[site][lane])]
         };
-        let found: Vec<[f64; 3]> = (0..clusters.len()).map(found).collect();
-        let powers = found
-            .iter()
-            .zip(&clusters)
-            .map(|([excess, _, fresh], [expected, ..])| [fresh * expected, excess * excess * expected]);
+        let clusters: Vec<[[f64; L]; 3]> = levels.gather(scale, &(0..sites).map(of_site).collect::<Vec<_>>());
+        let noise = levels.variance(scale, &clusters.iter().map(|[expected, ..]| *expected).collect::<Vec<_>>());
+        let smooth = levels.smooth(scale, clusters.iter().map(|[expected, seen, _]| [*expected, *seen]).collect());
+        let of_cluster = |k: usize| compared(&clusters[k], &smooth[k], &noise[k], &rays);
+        let found: Vec<[[f64; L]; 3]> = (0..clusters.len()).map(of_cluster).collect();
+        let powers = found.iter().zip(&clusters).map(|(found, [expected, ..])| powers(found, expected));
         let powers = levels.surroundings(scale, powers.collect());
-        let trusted = found.iter().zip(powers).map(|([excess, whole, fresh], [noise, signal])| {
-            let trust = if signal > 0.0 { (1.0 - CAUTION * noise / signal).clamp(0.0, 1.0) } else { 0.0 };
-            [trust * excess, trust * whole, trust * trust * fresh]
-        });
+        let trusted = found.iter().zip(&powers).map(|(found, powers)| trusted(found, powers, &trusts));
         let trusted = levels.interpolate(scale, trusted.collect());
+        let mut sums = [0.0; L];
         for (site, [change, whole, fresh]) in trusted.into_iter().enumerate() {
             taken[site] = whole;
-            variance[site] += fresh;
-            amounts[site] = (amounts[site] * (1.0 + change)).max(0.0);
+            for lane in 0..L {
+                variance[site][lane] += fresh[lane];
+                amounts[site][lane] = (amounts[site][lane] * (1.0 + change[lane])).max(0.0);
+                sums[lane] += amounts[site][lane];
+            }
         }
-        let scaled = total / amounts.iter().sum::<f64>();
-        amounts.iter_mut().for_each(|amount| *amount *= scaled);
+        let scaled: [f64; L] = std::array::from_fn(|lane| totals[lane] / sums[lane]);
+        amounts.iter_mut().for_each(|of| of.iter_mut().zip(scaled).for_each(|(amount, scaled)| *amount *= scaled));
     }
-    Refined { amounts, variance }
+    std::array::from_fn(|lane| {
+        if scales[lane] == 0.0 {
+            return Refined { amounts: vec![0.0; sites], variance: vec![0.0; sites] };
+        }
+        let of = |values: &[[f64; L]]| values.iter().map(|of| of[lane]).collect();
+        Refined { amounts: of(&amounts), variance: of(&variance) }
+    })
+}
+
+/// Of a cluster's expected and counted amounts, both also smoothed, how far the counts are above the expectation, the noise of that, and what
+/// of the noise coarser scales have not taken. The third of `cluster`: what they have taken, times the expectation.
+fn compared<const L: usize>(
+    [expected, _, taken]: &[[f64; L]; 3],
+    [smooth, seen]: &[[f64; L]; 2],
+    noise: &[f64; L],
+    rays: &[f64; L],
+) -> [[f64; L]; 3] {
+    let mut found = [[0.0; L]; 3];
+    for lane in 0..L {
+        let floor = FLOOR_RAYS * rays[lane];
+        let under = smooth[lane] + floor;
+        let whole = rays[lane] * noise[lane] / (under * under);
+        let before = if expected[lane] > 0.0 { taken[lane] / expected[lane] } else { 0.0 };
+        found[0][lane] = (seen[lane] + floor) / under - 1.0;
+        found[1][lane] = whole;
+        found[2][lane] = (whole - before).max(LEAST_NEW_NOISE * whole);
+    }
+    found
+}
+
+/// The powers of noise and of signal in what was found, and the weight of both.
+fn powers<const L: usize>([excess, _, fresh]: &[[f64; L]; 3], expected: &[f64; L]) -> [[f64; L]; 3] {
+    let mut powers = [[0.0; L], [0.0; L], *expected];
+    for lane in 0..L {
+        powers[0][lane] = fresh[lane] * expected[lane];
+        powers[1][lane] = excess[lane] * excess[lane] * expected[lane];
+    }
+    powers
+}
+
+/// The part of what was found that is signal, by the powers in its surroundings.
+fn trusted<const L: usize>(
+    [excess, whole, fresh]: &[[f64; L]; 3],
+    [noise, signal, weight]: &[[f64; L]; 3],
+    trusts: &[Trust; L],
+) -> [[f64; L]; 3] {
+    let mut trusted = [[0.0; L]; 3];
+    for lane in 0..L {
+        let noise = noise[lane] / weight[lane];
+        let power = signal[lane] / weight[lane] - CAUTION * noise;
+        let own = if trusts[lane] == Trust::Own { fresh[lane] } else { noise };
+        let trust = if power > 0.0 { power / (power + CAUTION * own) } else { 0.0 };
+        trusted[0][lane] = trust * excess[lane];
+        trusted[1][lane] = trust * whole[lane];
+        trusted[2][lane] = trust * trust * fresh[lane];
+    }
+    trusted
 }
 
 #[cfg(test)]
@@ -139,6 +239,40 @@ mod tests {
         let found = refine(&levels, &vec![5.0; 64], &prior, 1.0).amounts;
         assert!(found[..8].iter().all(|amount| *amount == 0.0) && found[8..].iter().all(|amount| *amount > 0.0));
         assert_eq!(refine(&levels, &vec![0.0; 64], &prior, 1.0).amounts, vec![0.0; 64]);
+    }
+
+    /// However many are smoothed together, each is as it is alone, to the bit; one without light leaves the others alone.
+    #[test]
+    fn neighbours_in_the_processor_are_strangers() {
+        let levels = square(16);
+        let of = |k: u32| counts(move |x, y| f64::from(20 * k + x * k + y), 16);
+        let (counted, prior): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (0..7).map(|k| (of(3 * k), of(k + 1))).unzip();
+        let alone: Vec<Refined> = (0..7).map(|k| refine(&levels, &counted[k], &prior[k], 1.0 + k as f64)).collect();
+        let dark = vec![0.0; 256];
+        assert_eq!(refine(&levels, &dark, &prior[0], 1.0).amounts, dark);
+        for count in 1..=7 {
+            let of =
+                |k: usize| Counted { amounts: &counted[k], prior: &prior[k], ray: 1.0 + k as f64, trust: Trust::Own };
+            assert_eq!(refine_all(&levels, &(0..count).map(of).collect::<Vec<_>>()), alone[..count]);
+            let beside = [Counted { amounts: &dark, prior: &prior[0], ray: 1.0, trust: Trust::Own }, of(count - 1)];
+            assert_eq!(refine_all(&levels, &beside)[1], alone[count - 1]);
+        }
+    }
+
+    /// Sixteen times fewer rays reach one site than each of its neighbours: its own count, four times as uncertain, moves it little.
+    #[test]
+    fn a_place_of_few_rays_follows_its_surroundings() {
+        let side = 32;
+        let levels = square(side);
+        let middle = (side / 2 * side + side / 2) as usize;
+        let share = |site: usize| if site == middle { 1.0 / 16.0 } else { 1.0 };
+        let prior: Vec<f64> = (0..(side * side) as usize).map(share).collect();
+        // The truth is twice the prior on one half, so that the counts are followed.
+        let truth = |site: usize| share(site) * if site as u32 % side < side / 2 { 100.0 } else { 200.0 };
+        let mut counted: Vec<f64> = counts(|x, y| truth((y * side + x) as usize), side);
+        counted[middle] = 0.5 * truth(middle);
+        let found = refine(&levels, &counted, &prior, 1.0).amounts[middle] / truth(middle);
+        assert!((found - 1.0).abs() < 0.25, "{found:.2} of the truth, counted 0.50 of it");
     }
 
     /// A single site, sites without neighbours, two kinds side by side.

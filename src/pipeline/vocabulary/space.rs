@@ -173,7 +173,7 @@ impl Frame {
     /// `(C, γ)` of a unit direction in the source frame, radians; C in [0, 2π), γ in [0, π].
     pub fn angles(&self, direction: DVec3) -> (f64, f64) {
         let (x, y, z) = (direction.dot(self.x()), direction.dot(self.y()), direction.dot(self.z()));
-        let gamma = x.hypot(y).atan2(-z);
+        let gamma = (x * x + y * y).sqrt().atan2(-z);
         let c = y.atan2(x);
         // A tiny negative angle plus 2π rounds to 2π itself, which is 0.
         let c = if c < 0.0 { c + std::f64::consts::TAU } else { c };

@@ -9,7 +9,7 @@ pub mod lattice;
 use crate::error::Error;
 use crate::flux::Amounts;
 use crate::flux::exitance;
-use crate::flux::tally::{self, Deposit, Quanta, Tally};
+use crate::flux::tally::{self, Deposit, Kept, Quanta, Tally};
 use crate::hull::Cloud;
 use crate::options::FluxOptions;
 use crate::smoothing::{Levels, Sharing, WINDOW};
@@ -43,7 +43,7 @@ pub struct Plan {
 /// [`Error::Refused`] above [`Limits::max_tally_values`]; as [`Cloud::fold`].
 pub fn plan(cloud: &Cloud<'_>, sample: &[Ray], limits: &Limits, watch: StageWatch<'_>) -> Result<Plan, Error> {
     let lattice = VolumeLattice::of(cloud, sample, watch)?;
-    let tally = Tally::new(&Quanta::of(cloud), lattice.node_count, true, limits)?;
+    let tally = Tally::new(&Quanta::of(cloud), lattice.node_count, Kept::All, limits)?;
     Ok(Plan { lattice, tally })
 }
 
