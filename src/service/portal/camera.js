@@ -19,7 +19,7 @@ export class Camera {
 
   fit() {
     this.target = [...this.middle];
-    this.distance = (1.12 * this.radius) / Math.sin(FIELD / 2);
+    this.distance = (1.02 * this.radius) / Math.sin(FIELD / 2);
   }
 
   turn(byC, byGamma) {

@@ -17,7 +17,7 @@ export function channel(set, isOne, onchange) {
     unit: asked.needsUnit && Boolean(said.length_unit), quantity: asked.needsQuantity && Boolean(said.quantity),
   });
   const checks = h("div", {});
-  const show = () => put(checks, inspection ? verdicts(inspection, answered()) : h("p", {}, words.channel.noInspection));
+  const show = () => put(checks, inspection ? verdicts(set, answered(), asked.checks) : h("p", {}, words.channel.noInspection));
   show();
   const element = h("article", { class: "card channel", "aria-label": set.name },
     h("div", { class: "row between" }, h("h2", {}, set.name), remove(set)),
@@ -58,22 +58,24 @@ function questions(set, said, onchange) {
   ].filter(Boolean);
   const form = controls.length ? h("div", { class: "ask" }, h("h3", {}, words.channel.asked), h("div", { class: "row" }, controls)) : null;
   return {
-    form, needsUnit, needsQuantity, onanswer: (listener) => { tell = listener; },
+    form, needsUnit, needsQuantity,
+    checks: new Set([needsUnit ? "rays.length_unit" : null, needsQuantity ? "rays.quantity" : null]),
+    onanswer: (listener) => { tell = listener; },
     missing: () => [needsUnit && !said.length_unit ? words.channel.unit : null, needsQuantity && !said.quantity ? words.channel.quantity : null].filter(Boolean),
   };
 }
 
 /** Every check with its verdict; what is answered above counts as well. */
-function verdicts(inspection, answered) {
+function verdicts({ inspection, name }, answered, asked) {
   const settled = ({ check, verdict }) => ((check === "rays.length_unit" && answered.unit) || (check === "rays.quantity" && answered.quantity) ? "ok" : verdict);
   const checks = inspection.checks.map((check) => ({ ...check, settled: settled(check) }));
   const worst = checks.reduce((a, b) => (ORDER[b.settled] < ORDER[a] ? b.settled : a), "ok");
   const item = (check) => h("li", { class: `check ${check.settled}` },
     h("span", { class: "mark", role: "img", "aria-label": words.verdicts[check.settled] }, words.marks[check.settled]),
-    h("div", {}, h("strong", {}, words.checks[check.check] ?? check.check), h("p", {}, check.message, check.settled !== "ok" && check.remedy ? [" ", h("em", {}, check.remedy)] : null)));
+    h("div", {}, h("strong", {}, words.checks[check.check] ?? check.check), h("p", {}, check.message, check.settled !== "ok" && check.remedy ? [" ", h("em", {}, asked.has(check.check) ? words.channel.above : check.remedy)] : null)));
   const open = checks.filter(({ settled: verdict }) => verdict !== "ok").sort((a, b) => ORDER[a.settled] - ORDER[b.settled]);
   const fine = checks.filter(({ settled: verdict }) => verdict === "ok");
-  return h("section", { class: "verdicts", "aria-label": words.channel.checks },
+  return h("section", { class: "verdicts", "aria-label": words.channel.checks(name) },
     h("p", { class: `verdict ${{ ok: "good", notice: "fair", wrong: "poor" }[worst]}` }, h("strong", {}, words.channel.verdict[worst]), " ", words.channel.verdictMore[worst]),
     open.length ? h("ul", { class: "checks" }, open.map(item)) : null,
     h("details", {}, h("summary", {}, words.channel.fine(fine.length)), h("ul", { class: "checks" }, fine.map(item))),

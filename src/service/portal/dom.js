@@ -69,7 +69,7 @@ export function button(text, onclick, kind = "") {
 /** What is wrong and what to do: of a request, a file or a job. */
 export function problem(found, ...more) {
   return h("div", { class: "problem", role: "alert" },
-    h("h3", {}, found.title || words.problem.title),
+    h("p", { class: "title" }, found.title || words.problem.title),
     h("p", {}, found.detail || found.message || String(found)),
     found.remedy ? h("p", {}, h("strong", {}, words.problem.remedy), " ", found.remedy) : null,
     found.code ? h("p", { class: "hint" }, words.problem.code(found.code, found.at)) : null,
@@ -103,7 +103,7 @@ export function bar(label) {
 
 /** A table of texts; cells of the first column are headings. */
 export function table(caption, head, rows) {
-  return h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": caption },
+  return h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": words.tableOf(caption) },
     h("table", {},
       h("caption", { class: "unseen" }, caption),
       h("thead", {}, h("tr", {}, head.map((text) => h("th", { scope: "col" }, text)))),

@@ -30,7 +30,7 @@ export function bytes(value) {
 }
 
 export function percent(fraction) {
-  return fraction > 0 && fraction < 0.001 ? "< 0.1 %" : `${significant(100 * fraction, fraction < 0.1 ? 2 : 3)} %`;
+  return fraction > 0 && fraction < 0.001 ? "<\u00a00.1\u00a0%" : `${significant(100 * fraction, fraction < 0.1 ? 2 : 3)}\u00a0%`;
 }
 
 export function seconds(value) {

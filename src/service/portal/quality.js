@@ -48,7 +48,7 @@ function figures(list) {
     s("rect", { x: 0, y: 1, height: 7, width: Math.max(1, (200 * error(figure)) / most), class: "ours" }),
     s("rect", { x: 0, y: 10, height: 7, width: Math.max(1, (200 * figure.rays_error) / most), class: "rays" }));
   return table(words.quality.table, words.quality.columns,
-    list.map((figure) => [view(figure), figure.model_error === 0 ? `< ${percent(figure.noise)}` : percent(figure.model_error), percent(figure.rays_error), percent(figure.noise), drawn(figure)]));
+    list.map((figure) => [view(figure), figure.model_error === 0 ? `<\u00a0${percent(figure.noise)}` : percent(figure.model_error), percent(figure.rays_error), percent(figure.noise), drawn(figure)]));
 }
 
 function balanced(balance) {

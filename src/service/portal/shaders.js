@@ -145,7 +145,7 @@ out vec4 pixel;
 vec3 encoded(vec3 c) { return mix(12.92 * c, 1.055 * pow(max(c, 1e-9), vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c)); }
 void main() {
   vec4 light = texture(summed, at);
-  if (mode == 2) { pixel = vec4(light.a > 0.0 ? light.rgb : vec3(0.035, 0.04, 0.055), 1.0); return; }
+  if (mode == 2) { pixel = vec4(light.a > 0.0 ? light.rgb : vec3(0.0235, 0.0275, 0.0588), 1.0); return; }
   if (mode == 1) {
     vec3 c = rgb_from_xyz * light.xyz / greatest;
     float grey = light.y / greatest;

@@ -46,7 +46,7 @@ function row(transfer) {
   const more = h("div", {});
   const actions = h("div", { class: "row" });
   const item = h("li", { class: "transfer card" },
-    h("div", { class: "row between" }, h("strong", {}, transfer.file.name), actions), progress, told, more);
+    h("div", { class: "row between" }, h("h2", {}, transfer.file.name), actions), progress, told, more);
   const remove = () => { all.delete(transfer); item.remove(); };
   let last = null;
   const update = () => {
@@ -54,7 +54,7 @@ function row(transfer) {
     progress.value = file.size ? sent / file.size : 1;
     told.textContent = words.transfers.states[state]({
       sent: bytes(sent), size: bytes(file.size), percent: percent(file.size ? sent / file.size : 1),
-      left: rate ? seconds((file.size - sent) / rate) : null, count: raySets.length,
+      left: rate ? seconds((file.size - sent) / rate) : null, count: raySets.length, isQuestion: asksForColumns(transfer),
     });
     if (state === last) return;
     last = state;
@@ -83,10 +83,15 @@ function act(transfer, remove) {
   }
 }
 
+/** A text whose columns do not say what they hold. */
+function asksForColumns({ problem: found }) {
+  return Boolean(found?.code?.startsWith("columns.")) && found.code !== "columns.no_rows";
+}
+
 /** Why a file was refused; where the columns of a text are not known, the question. */
 function refused(transfer, remove) {
   const { problem: found, file } = transfer;
-  if (!found.code?.startsWith("columns.") || found.code === "columns.no_rows") return problem(found);
+  if (!asksForColumns(transfer)) return problem(found);
   const form = h("div", { id: name("columns") }, h("p", {}, words.loading));
   columnsForm(file, found, (columns) => {
     remove();
