@@ -46,6 +46,10 @@ async fn the_front_page_and_every_file_come_from_the_service_itself() {
     let mut files = source();
     let index = files.remove("index.html").unwrap();
     assert_eq!(html, index.replace("{folder}", &folder));
+    // All scripts are asked for at once: one that imports others need not have come first.
+    for name in files.keys().filter(|name| name.ends_with(".js")) {
+        assert!(html.contains(&format!("\"{folder}/{name}\"")), "the page does not name {name}");
+    }
     let mut bytes = html.len();
     for (name, text) in &files {
         let reply = site.get(&format!("{folder}/{name}")).await;

@@ -26,71 +26,72 @@ const FOLDER: &str = "{folder}";
 const PAGE: &str = include_str!("../portal/index.html");
 /// Names, types and contents of all other files.
 const FILES: [File; 32] = [
-    script("api.js", include_str!("../portal/api.js")),
-    script("app.js", include_str!("../portal/app.js")),
-    script("camera.js", include_str!("../portal/camera.js")),
-    script("channel.js", include_str!("../portal/channel.js")),
-    script("charts.js", include_str!("../portal/charts.js")),
-    script("cie.js", include_str!("../portal/cie.js")),
-    script("colour.js", include_str!("../portal/colour.js")),
-    script("columns.js", include_str!("../portal/columns.js")),
-    script("dom.js", include_str!("../portal/dom.js")),
-    script("downloads.js", include_str!("../portal/downloads.js")),
-    script("facts.js", include_str!("../portal/facts.js")),
-    script("glb.js", include_str!("../portal/glb.js")),
-    script("goniogram.js", include_str!("../portal/goniogram.js")),
-    script("home.js", include_str!("../portal/home.js")),
-    drawing("icon.svg", include_str!("../portal/icon.svg")),
-    script("job.js", include_str!("../portal/job.js")),
-    script("kept.js", include_str!("../portal/kept.js")),
-    script("keys.js", include_str!("../portal/keys.js")),
-    style("lamp.css", include_str!("../portal/lamp.css")),
-    script("lamp.js", include_str!("../portal/lamp.js")),
-    script("model.js", include_str!("../portal/model.js")),
-    script("numbers.js", include_str!("../portal/numbers.js")),
-    script("options.js", include_str!("../portal/options.js")),
-    script("picture.js", include_str!("../portal/picture.js")),
-    style("portal.css", include_str!("../portal/portal.css")),
-    script("quality.js", include_str!("../portal/quality.js")),
-    script("shaders.js", include_str!("../portal/shaders.js")),
-    script("source.js", include_str!("../portal/source.js")),
-    script("transfers.js", include_str!("../portal/transfers.js")),
-    script("upload.js", include_str!("../portal/upload.js")),
-    script("view.js", include_str!("../portal/view.js")),
-    script("words.js", include_str!("../portal/words.js")),
+    script("api", include_str!("../portal/api.js")),
+    script("app", include_str!("../portal/app.js")),
+    script("camera", include_str!("../portal/camera.js")),
+    script("channel", include_str!("../portal/channel.js")),
+    script("charts", include_str!("../portal/charts.js")),
+    script("cie", include_str!("../portal/cie.js")),
+    script("colour", include_str!("../portal/colour.js")),
+    script("columns", include_str!("../portal/columns.js")),
+    script("dom", include_str!("../portal/dom.js")),
+    script("downloads", include_str!("../portal/downloads.js")),
+    script("facts", include_str!("../portal/facts.js")),
+    script("glb", include_str!("../portal/glb.js")),
+    script("goniogram", include_str!("../portal/goniogram.js")),
+    script("home", include_str!("../portal/home.js")),
+    drawing("icon", include_str!("../portal/icon.svg")),
+    script("job", include_str!("../portal/job.js")),
+    script("kept", include_str!("../portal/kept.js")),
+    script("keys", include_str!("../portal/keys.js")),
+    style("lamp", include_str!("../portal/lamp.css")),
+    script("lamp", include_str!("../portal/lamp.js")),
+    script("model", include_str!("../portal/model.js")),
+    script("numbers", include_str!("../portal/numbers.js")),
+    script("options", include_str!("../portal/options.js")),
+    script("picture", include_str!("../portal/picture.js")),
+    style("portal", include_str!("../portal/portal.css")),
+    script("quality", include_str!("../portal/quality.js")),
+    script("shaders", include_str!("../portal/shaders.js")),
+    script("source", include_str!("../portal/source.js")),
+    script("transfers", include_str!("../portal/transfers.js")),
+    script("upload", include_str!("../portal/upload.js")),
+    script("view", include_str!("../portal/view.js")),
+    script("words", include_str!("../portal/words.js")),
 ];
 
 static VERSION: LazyLock<String> = LazyLock::new(version);
 /// The built-in sample, once somebody has asked for it.
 static SAMPLE: OnceLock<(Bytes, String)> = OnceLock::new();
 
-/// A file beside the page.
+/// A file beside the page: `stem.kind`.
 struct File {
-    name: &'static str,
+    stem: &'static str,
+    kind: &'static str,
     media_type: &'static str,
     text: &'static str,
 }
 
-const fn script(name: &'static str, text: &'static str) -> File {
-    File { name, media_type: "text/javascript; charset=utf-8", text }
+const fn script(stem: &'static str, text: &'static str) -> File {
+    File { stem, kind: "js", media_type: "text/javascript; charset=utf-8", text }
 }
 
-const fn style(name: &'static str, text: &'static str) -> File {
-    File { name, media_type: "text/css; charset=utf-8", text }
+const fn style(stem: &'static str, text: &'static str) -> File {
+    File { stem, kind: "css", media_type: "text/css; charset=utf-8", text }
 }
 
-const fn drawing(name: &'static str, text: &'static str) -> File {
-    File { name, media_type: "image/svg+xml", text }
+const fn drawing(stem: &'static str, text: &'static str) -> File {
+    File { stem, kind: "svg", media_type: "image/svg+xml", text }
 }
 
 /// What the address of the files says of all of them together.
 fn version() -> String {
     let mut digest = Sha256::new();
     for file in &FILES {
-        digest.update(file.name);
-        digest.update([0]);
-        digest.update(file.text);
-        digest.update([0]);
+        for part in [file.stem, file.kind, file.text] {
+            digest.update(part);
+            digest.update([0]);
+        }
     }
     crate::hex::hex(&digest.finalize()).chars().take(16).collect()
 }
@@ -110,7 +111,8 @@ pub async fn page(headers: HeaderMap) -> Result<Response, Problem> {
 /// # Errors
 /// [`Problem`]: no such file, or the client wants another edition of it.
 pub async fn file(Path((version, name)): Path<(String, String)>, headers: HeaderMap) -> Result<Response, Problem> {
-    let found = FILES.iter().find(|file| file.name == name && version == *VERSION);
+    let (stem, kind) = name.split_once('.').unwrap_or_default();
+    let found = FILES.iter().find(|file| (file.stem, file.kind) == (stem, kind) && version == *VERSION);
     let file = found.ok_or_else(|| Problem::no_route(&format!("/portal/{version}/{name}")))?;
     answer(&headers, &tag(file.text.as_bytes()), FILE_LIFETIME, file.media_type, || file.text)
 }

@@ -129,8 +129,8 @@ function declarations(set, said, isOne, onchange) {
   return h("details", { open: !isOne }, h("summary", {}, words.channel.more),
     h("div", { class: "row" },
       field(words.channel.flux, kind, words.channel.fluxHint), field(words.channel.fluxValue, value),
-      field(words.channel.spectrum, file, words.channel.spectrumHint)),
-    h("p", { class: "hint" }, chosen), status);
+      h("div", {}, field(words.channel.spectrum, file, words.channel.spectrumHint), h("p", { class: "hint" }, chosen))),
+    status);
 }
 
 function claims(set, said) {

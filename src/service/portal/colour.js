@@ -40,7 +40,10 @@ export function chromaticity([x, y, z]) {
   return { x: x / sum, y: y / sum, u: (4 * x) / fifteen, v: (9 * y) / fifteen };
 }
 
-/** Correlated colour temperature, K, and distance from the Planckian locus in u, v (CIE 1960); null farther than 0.05. */
+/** Farthest from the Planckian locus, in u and v of CIE 1960, that people call a light by a temperature. */
+const MOST_DUV = 0.02;
+
+/** Correlated colour temperature, K, and distance from the Planckian locus; null where that is far. */
 export function temperature({ x, y }) {
   const [u, v] = [(4 * x) / (-2 * x + 12 * y + 3), (6 * y) / (-2 * x + 12 * y + 3)];
   const distance = (mired) => {
@@ -53,7 +56,7 @@ export function temperature({ x, y }) {
     best = [best - step, best, best + step].reduce((a, b) => (distance(b) < distance(a) ? b : a));
   }
   const duv = distance(best) * (v >= planck(1e6 / best)[1] ? 1 : -1);
-  return Math.abs(duv) <= 0.05 && best > 41 && best < 659 ? { kelvin: 1e6 / best, duv } : null;
+  return Math.abs(duv) <= MOST_DUV && best > 41 && best < 659 ? { kelvin: 1e6 / best, duv } : null;
 }
 
 /** u, v (CIE 1960) of a black body: Planck's law with c₂ = 1.4388e7 nm K. */

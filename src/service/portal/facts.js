@@ -44,7 +44,7 @@ function colourFact(lamp) {
   const mark = h("span", { class: "swatch", "aria-hidden": "true" });
   mark.style.background = swatch(xyz);
   const called = warm ? words.facts.kelvin(count(Math.round(warm.kelvin / 10) * 10)) : nm ? words.facts.dominant(Math.round(nm)) : words.facts.purple;
-  return fact(words.facts.colour, called, words.facts.xy(point.x.toFixed(4), point.y.toFixed(4)), mark);
+  return fact(words.facts.colour, called, words.facts.xy(point.x.toFixed(4), point.y.toFixed(4), warm ? warm.duv.toFixed(4) : null), mark);
 }
 
 /** X, Y, Z of an entry's flux; null where no spectrum is known. */

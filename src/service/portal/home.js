@@ -1,11 +1,17 @@
 // The first page: send files, try the sample, go on with what is here already.
-import { address, ask, json } from "./api.js";
+import { address, ask, json, sleep } from "./api.js";
 import { announce, button, h, problem, put } from "./dom.js";
 import { bytes, count, when } from "./numbers.js";
 import { send, transfers } from "./transfers.js";
 import { words } from "./words.js";
 
 const SHOWN = 12;
+/** What one answer may list. */
+const MOST_SHOWN = 100;
+const LOOK_AGAIN_MS = 3000;
+/** Names of ray sets by their ids; null where a set is gone. */
+const known = new Map();
+const joining = h("div", { class: "stack" });
 const SAMPLE = "portal/sample.tm25ray";
 const SAMPLE_NAME = "four-chips.tm25ray";
 
@@ -73,11 +79,42 @@ async function sample(status) {
   }
 }
 
+/** Lists what is here, newest first; looks again while a model is being computed. */
 async function recent(models, raySets) {
-  const [{ jobs }, { ray_sets: sets }] = await Promise.all([json(`v1/jobs?limit=${SHOWN}`), json(`v1/ray-sets?limit=${SHOWN}`)]);
-  const names = new Map(sets.map(({ id, name }) => [id, name]));
-  put(models, models.firstChild, jobs.length ? h("ul", { class: "cards" }, jobs.map((job) => model(job, names))) : h("p", { class: "hint" }, words.home.noModels));
-  put(raySets, raySets.firstChild, sets.length ? choice(sets) : h("p", { class: "hint" }, words.home.noRaySets));
+  await Promise.all([
+    listed(models, "v1/jobs", "jobs", words.home.noModels, async (jobs, place) => {
+      const names = await namesOf(jobs);
+      put(place, jobs.map((job) => model(job, names)));
+    }),
+    listed(raySets, "v1/ray-sets", "ray_sets", words.home.noRaySets, (sets, place) => choice(sets, place)),
+  ]);
+}
+
+/** One list with its pages: `show(entries, place)` draws all that were fetched. */
+async function listed(section, path, member, none, show) {
+  const place = h("ul", { class: "cards" });
+  const more = h("div", { class: "row" });
+  let [entries, limit] = [[], SHOWN];
+  const fetchAll = async () => {
+    const page = await json(`${path}?limit=${limit}`);
+    entries = page[member];
+    await show(entries, place);
+    put(more, page.next ? button(words.home.more, async () => { limit = Math.min(limit + 4 * SHOWN, MOST_SHOWN); await fetchAll(); }) : null);
+  };
+  await fetchAll();
+  put(section, section.firstChild, entries.length ? [place, more] : h("p", { class: "hint" }, none), member === "ray_sets" && entries.length ? joining : null);
+  while (entries.some(({ state }) => state === "queued" || state === "running")) {
+    await sleep(LOOK_AGAIN_MS);
+    if (!section.isConnected) return;
+    await fetchAll().catch(() => {});
+  }
+}
+
+/** Names of the ray sets that jobs were made of; those of deleted ones are not known any more. */
+async function namesOf(jobs) {
+  const ids = new Set(jobs.flatMap(({ channels }) => channels.filter(({ name }) => !name).map(({ ray_set: id }) => id)));
+  await Promise.all([...ids].filter((id) => !known.has(id)).map((id) => json(`v1/ray-sets/${id}`).then((set) => known.set(id, set.name)).catch(() => known.set(id, null))));
+  return known;
 }
 
 export function nameOf(job, names) {
@@ -92,25 +129,23 @@ function model(job, names) {
 }
 
 /** Ray sets, to open one or to join several to one source. */
-function choice(sets) {
-  const chosen = new Set();
+function choice(sets, place) {
   const join = h("a", { class: "button first", hidden: true, href: "#/" }, "");
+  const chosen = new Set();
   const update = () => {
     join.hidden = chosen.size < 2;
     join.textContent = words.home.join(chosen.size);
     join.href = `#/ray-sets/${[...chosen].join(",")}`;
     if (chosen.size >= 2) announce(join.textContent);
   };
-  return [
-    h("ul", { class: "cards" }, sets.map((set) => h("li", { class: "card tile with-box" },
-      h("input", { type: "checkbox", "aria-label": words.home.choose1(set.name), onchange: (event) => {
-        if (event.target.checked) chosen.add(set.id);
-        else chosen.delete(set.id);
-        update();
-      } }),
-      h("a", { href: `#/ray-sets/${set.id}` }, h("strong", {}, set.name)),
-      h("span", {}, set.header.format),
-      h("span", { class: "hint" }, words.home.setFacts(count(set.header.ray_count), bytes(set.byte_count), when(set.created_ms)))))),
-    h("p", { class: "hint" }, words.home.joinHint), join,
-  ];
+  put(place, sets.map((set) => h("li", { class: "card tile with-box" },
+    h("input", { type: "checkbox", "aria-label": words.home.choose1(set.name), onchange: (event) => {
+      if (event.target.checked) chosen.add(set.id);
+      else chosen.delete(set.id);
+      update();
+    } }),
+    h("a", { href: `#/ray-sets/${set.id}` }, h("strong", {}, set.name)),
+    h("span", {}, set.header.format),
+    h("span", { class: "hint" }, words.home.setFacts(count(set.header.ray_count), bytes(set.byte_count), when(set.created_ms))))));
+  put(joining, h("p", { class: "hint" }, words.home.joinHint), join);
 }
