@@ -42,6 +42,12 @@ export function when(ms) {
   return new Date(ms).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" });
 }
 
+/** A coordinate, mm, to a thousandth of what has this size. */
+export function coordinate(value, size) {
+  const decimals = Math.min(9, Math.max(0, 3 - Math.floor(Math.log10(size || 1))));
+  return String(Number(value.toFixed(decimals)) || 0);
+}
+
 /** Powers of a thousand that units have names for. */
 const PREFIXES = [["G", 1e9], ["M", 1e6], ["k", 1e3], ["", 1], ["m", 1e-3], ["µ", 1e-6]];
 

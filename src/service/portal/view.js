@@ -3,7 +3,7 @@ import { announce, button, field, h, put, select } from "./dom.js";
 import { GRADIENT } from "./colour.js";
 import { Camera } from "./camera.js";
 import { Picture } from "./picture.js";
-import { measured, prefixed, quantity, significant } from "./numbers.js";
+import { coordinate, measured, prefixed, quantity, significant } from "./numbers.js";
 import { words } from "./words.js";
 
 const TURN_DEG = 5;
@@ -230,7 +230,7 @@ export class View {
     const { factor, unit } = quantity(this.mode === "exitance" ? "exitance" : "seen", this.lamp.isLuminous);
     const text = words.view.reading({
       value: value === null ? null : measured(value * factor, unit),
-      isDark: value === 0, zone, point: met ? met.point.map((coordinate) => significant(coordinate, 3)) : null,
+      isDark: value === 0, zone, point: met ? met.point.map((value) => coordinate(value, 2 * this.camera.radius)) : null,
       stage: this.mode === "stages" && met ? this.lamp.stages.labels[this.lamp.stages.values[met.triangle]] : null,
     });
     return { text, value: value === null ? null : value * factor, unit, zone, point: met?.point ?? null };
