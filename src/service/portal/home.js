@@ -97,9 +97,11 @@ async function listed(section, path, member, none, show) {
   let [entries, limit] = [[], SHOWN];
   const fetchAll = async () => {
     const page = await json(`${path}?limit=${limit}`);
+    // Who is on an entry stays there.
+    if (place.contains(document.activeElement)) return;
     entries = page[member];
     await show(entries, place);
-    put(more, page.next ? button(words.home.more, async () => { limit = Math.min(limit + 4 * SHOWN, MOST_SHOWN); await fetchAll(); }) : null);
+    put(more, page.next && limit < MOST_SHOWN ? button(words.home.more, async () => { limit = Math.min(limit + 4 * SHOWN, MOST_SHOWN); await fetchAll(); }) : null);
   };
   await fetchAll();
   put(section, section.firstChild, entries.length ? [place, more] : h("p", { class: "hint" }, none), member === "ray_sets" && entries.length ? joining : null);

@@ -152,8 +152,8 @@ export class Picture {
     return this.volumeScale ?? this.scale;
   }
 
-  /** Sums light (or facts of the surface) as seen by `camera`. */
-  sum(camera, mode) {
+  /** Sums light (or facts of the surface) as seen by `camera`; coarsely while it moves. */
+  sum(camera, mode, isCoarse = false) {
     const { gl } = this;
     const aspect = this.size[0] / this.size[1];
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
@@ -161,7 +161,7 @@ export class Picture {
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     const isLight = mode === "seen" || mode === "true";
-    if (isLight && this.lamp.volume) return this.sumVolume(camera, aspect);
+    if (isLight && this.lamp.volume) return this.sumVolume(camera, aspect, isCoarse);
     const { program, uniforms } = isLight ? this.light : this.facts;
     gl.useProgram(program);
     const { clip, eye } = camera.matrices(aspect);
@@ -213,7 +213,7 @@ export class Picture {
     this.coloured = mode;
   }
 
-  sumVolume(camera, aspect) {
+  sumVolume(camera, aspect, isCoarse) {
     const { gl } = this;
     const { program, uniforms } = this.march;
     const { cells, min, pitch } = this.lamp.volume;
@@ -227,7 +227,7 @@ export class Picture {
     gl.uniform3fv(uniforms.least, min);
     gl.uniform3fv(uniforms.pitch, pitch);
     gl.uniform3iv(uniforms.cells, cells);
-    gl.uniform1i(uniforms.steps, Math.min(3 * Math.max(...cells), 192));
+    gl.uniform1i(uniforms.steps, Math.min((isCoarse ? 1 : 3) * Math.max(...cells), isCoarse ? 64 : 192));
     this.bindDirections(uniforms, this.totalQ);
     this.bind(2, gl.TEXTURE_3D, this.nodes, uniforms.j_nodes);
     this.bind(3, gl.TEXTURE_3D, this.lit, uniforms.lit_cells);

@@ -78,7 +78,7 @@ export class View {
     if (!clientWidth || !clientHeight) return;
     const fine = Math.min(devicePixelRatio || 1, 2) / (rests ? 1 : this.coarse);
     this.picture.resize(Math.max(1, Math.round(clientWidth * fine)), Math.max(1, Math.round(clientHeight * fine)));
-    this.picture.sum(this.camera, this.mode);
+    this.picture.sum(this.camera, this.mode, !rests);
     if (!this.greatest || (rests && !this.held)) this.greatest = this.brightest() ?? this.greatest ?? 1;
     const unit = this.picture.unit(this.mode);
     this.picture.draw(this.mode, { greatest: this.greatest / unit, decades: this.decades });
