@@ -44,7 +44,7 @@ export async function a_service_that_dies_in_mid_upload_is_waited_for(scene) {
   await page.setInputFiles("#files", file);
   await page.waitForFunction(() => document.querySelector(".transfer progress")?.value > 0.3);
   await service.kill();
-  await page.getByText("The link is lost;").waitFor();
+  await page.locator(".transfer").getByText("The link is lost;").waitFor();
   const again = await Service.start({ data: service.folder, port: new URL(service.url).port });
   scene.services.push(again);
   await page.getByText("Fit for a model.").waitFor();
@@ -57,7 +57,7 @@ export async function keys_are_asked_for_and_kept_for_the_tab(scene) {
   await accessible(page, "question for a key");
   await page.getByLabel("Key", { exact: true }).fill("lw_wrong");
   await page.getByRole("button", { name: "Use this key" }).click();
-  await page.getByText("The service does not know this key").waitFor();
+  await page.locator("dialog").getByText("The service does not know this key").waitFor();
   await page.getByLabel("Key", { exact: true }).fill(service.key);
   await page.getByRole("button", { name: "Use this key" }).click();
   await page.getByText("None yet. A model is built").waitFor();
@@ -100,7 +100,7 @@ export async function a_waiting_job_shows_its_place_and_can_be_cancelled(scene) 
   const submit = () => service.ask("/v1/jobs", { method: "POST", body: JSON.stringify({ channels: [{ ray_set: id }], reuse: false }), headers: { "Content-Type": "application/json" } });
   const [first, , last] = [await submit(), await submit(), await submit()];
   await page.goto(`${service.url}/#/jobs/${last.id}`);
-  await page.getByText(/Waiting: number [12] in the queue/).waitFor();
+  await page.locator(".job").getByText(/Waiting: number [12] in the queue/).waitFor();
   await accessible(page, "progress");
   await page.getByRole("button", { name: "Cancel the job" }).click();
   await page.getByRole("heading", { name: "The job was cancelled" }).waitFor();
