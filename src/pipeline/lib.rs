@@ -57,6 +57,7 @@ pub use formats::packed::{Content, Member, Packing, left_out, packing, unpack};
 pub use formats::record::{Bytes, Format};
 pub use formats::spectrum_file::{MAX_BYTES as MAX_SPECTRUM_BYTES, SpectrumFile};
 pub use inspection::findings::{Check, Header, Inspection, Verdict};
+pub use known_sources::{SAMPLE, write_sample};
 pub use memory::MemoryNeed;
 pub use new_rays::{MOST_RAYS as MOST_NEW_RAYS, NewRays, Request as RayRequest};
 pub use options::{Emission, IesEdition, Options, Spectra};

@@ -31,6 +31,8 @@ mod connections;
 mod crowds;
 /// How answers are sent, and under which addresses.
 mod answers;
+/// The portal's files.
+mod portal;
 /// HTTP/2.
 mod http2;
 /// Numbers, room, retention, backup.

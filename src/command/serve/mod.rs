@@ -14,7 +14,7 @@ use axum::http::Request;
 use clap::{Args, ValueEnum};
 use limits::Bounds;
 use outbound::OutboundArguments;
-use pipeline::{Limits, known_sources};
+use pipeline::{Limits, SAMPLE, write_sample};
 use service::telemetry::LogFormat;
 use service::upkeep::lock::LockError;
 use service::{Config, Role, Service, StartError, Submitted, priority, storage, telemetry};
@@ -24,11 +24,6 @@ use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 use tokio::signal::unix::{SignalKind, signal};
 use tower::ServiceExt;
-
-/// The known source of an empty data folder.
-const SAMPLE: &str = "four-chips";
-/// Its rays.
-const SAMPLE_RAYS: u64 = 200_000;
 
 /// What is still being written when the service has stopped gets this long, if the grace is not over before.
 const LAST_WAIT: Duration = Duration::from_secs(1);
@@ -199,7 +194,7 @@ async fn serve(arguments: &Arguments, told: Arc<OnceLock<Instant>>) -> Result<()
         env!("CARGO_PKG_VERSION")
     ));
     if let Some(sample) = begin(&service, unwanted).await? {
-        say(&format!("  built-in sample {site}/v1/jobs/{}  ({SAMPLE}, {SAMPLE_RAYS} rays)", sample.job));
+        say(&format!("  built-in sample {site}/v1/jobs/{}  ({SAMPLE})", sample.job));
         tokio::spawn(tell_when_done(service.router(), site, sample));
     }
     let listener =
@@ -218,9 +213,8 @@ async fn begin(service: &Service, unwanted: bool) -> Result<Option<Submitted>, F
     if unwanted || !service.is_empty().await.map_err(|error| failed(error.to_string()))? {
         return Ok(None);
     }
-    let Some(source) = known_sources::by_name(SAMPLE) else { return Ok(None) };
     let mut bytes = Vec::new();
-    known_sources::write_tm25(&source, SAMPLE_RAYS, 1, &mut bytes).map_err(|error| failed(error.to_string()))?;
+    write_sample(&mut bytes).map_err(|error| failed(error.to_string()))?;
     let submitted = service.submit(&format!("{SAMPLE}.tm25ray"), bytes.as_slice()).await;
     Ok(submitted.map_err(|error| failed(error.to_string()))?.pop())
 }

@@ -1,6 +1,7 @@
 //! Known sources as TM-25 files: a seed and a count make the same bytes everywhere.
 
 use super::KnownSource;
+use super::catalogue::by_name;
 use crate::error::Error;
 use crate::formats::record::{CHUNK_RAYS, RawRay};
 use crate::formats::tm25::Preamble;
@@ -14,6 +15,21 @@ use crate::vocabulary::spectrum::wider;
 use crate::vocabulary::watch::{NoProgress, Stage, StageWatch};
 use std::io;
 use std::io::Write;
+
+/// Name of the known source that is shown to who has no ray file at hand.
+pub const SAMPLE: &str = "four-chips";
+/// Its rays, and their seed.
+const SAMPLE_RAYS: u64 = 200_000;
+const SAMPLE_SEED: u64 = 1;
+
+/// Writes the sample: the same bytes each time, 6.4 MB.
+///
+/// # Errors
+/// What `out` answers.
+pub fn write_sample(out: &mut dyn Write) -> io::Result<()> {
+    let source = by_name(SAMPLE).ok_or_else(|| io::Error::other("the sample is no known source"))?;
+    write_tm25(&source, SAMPLE_RAYS, SAMPLE_SEED, out)
+}
 
 /// Writes `rays` rays of `source`: 28 bytes each with one spectral table where all parts have the same spectrum, 32 bytes
 /// with a wavelength per ray otherwise. Memory does not grow with `rays`.

@@ -2,13 +2,11 @@
 
 use super::addresses::{link, prefix};
 use super::extract::Path;
+use super::fixed::{file_or_not, tag};
 use super::problem::Problem;
-use super::ranges::{Wanted, wanted};
-use crate::hex::hex;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Redirect, Response};
 use serde_json::{Value, json};
-use sha2::{Digest, Sha256};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
@@ -51,36 +49,6 @@ fn below(path: &str) -> String {
         members.insert("servers".to_owned(), json!([{ "url": path }]));
     }
     contract.to_string()
-}
-
-fn tag(bytes: &[u8]) -> String {
-    format!("\"{}\"", hex(&Sha256::digest(bytes)))
-}
-
-/// What does not change while this process runs: all of it, or that the client has it.
-fn file_or_not(
-    headers: &HeaderMap,
-    etag: &str,
-    lifetime: &'static str,
-    file: impl FnOnce() -> Response,
-) -> Result<Response, Problem> {
-    let mut response = match wanted(headers, etag, 0) {
-        Wanted::Changed => return Err(Problem::changed(etag)),
-        Wanted::Nothing => StatusCode::NOT_MODIFIED.into_response(),
-        // These files are small: a range is answered with all of it.
-        Wanted::Whole | Wanted::Part(_) | Wanted::Unsatisfiable => file(),
-    };
-    let headers = response.headers_mut();
-    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static(lifetime));
-    if let Ok(etag) = HeaderValue::from_str(etag) {
-        headers.insert(header::ETAG, etag);
-    }
-    Ok(response)
-}
-
-/// Redirects `/` to the documentation, until there is a portal.
-pub async fn front() -> Redirect {
-    Redirect::temporary(&link("/docs/"))
 }
 
 /// The pages' relative links need the slash.

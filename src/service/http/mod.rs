@@ -52,8 +52,12 @@ pub mod readiness;
 pub mod metrics;
 /// Descriptions that every route shares in the OpenAPI contract.
 pub mod openapi;
+/// Files that do not change while this process runs.
+mod fixed;
 /// The contract, for programs and for people.
 pub mod docs;
+/// The pages for people: from a dropped file to a model one can look at.
+pub mod portal;
 /// A job as its clients see it.
 mod job;
 /// The state that every handler can use.
@@ -193,7 +197,9 @@ pub fn router(api: Api) -> Router {
     let (router, _) = routes().split_for_parts();
     let router = router
         .route("/openapi.json", get(docs::contract))
-        .route("/", get(docs::front))
+        .route("/", get(portal::page))
+        .route("/portal/sample.tm25ray", get(portal::sample))
+        .route("/portal/{version}/{name}", get(portal::file))
         .route("/docs", get(docs::index))
         .route("/docs/", get(docs::first_page))
         .route("/docs/{*path}", get(docs::file));

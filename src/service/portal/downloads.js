@@ -1,0 +1,99 @@
+// What can be taken away: every file with what it is for, new rays, and this page as commands.
+import { address, ask, json, save } from "./api.js";
+import { announce, button, field, h, problem, put, select, table } from "./dom.js";
+import { key } from "./keys.js";
+import { bytes, count, percent } from "./numbers.js";
+import { words } from "./words.js";
+
+const EXTENSIONS = { tm25: "tm25ray", zemax: "dat", lighttools: "ray" };
+
+/** The files of a finished job. */
+export async function downloads(job, title) {
+  const { artifacts, zip } = await json(job.links.artifacts);
+  const told = h("p", { class: "hint", role: "status" });
+  const take = (file, filename) => async () => {
+    await save(file.href, filename, (come, length) => { told.textContent = words.downloads.come(bytes(come), length ? percent(come / length) : ""); })
+      .catch((error) => put(told, problem(error)));
+  };
+  const ies = artifacts.filter(({ name }) => name.startsWith("ies/zone"));
+  const shown = artifacts.filter((artifact) => !ies.includes(artifact));
+  const row = (file) => [
+    button(file.name, take(file, `${title} ${file.name}`.replaceAll("/", "-")), "link"),
+    words.downloads.meaning(file.name), bytes(file.byte_count),
+  ];
+  return h("section", { class: "card", "aria-labelledby": "downloads-title" },
+    h("h2", { id: "downloads-title" }, words.downloads.title),
+    h("p", {}, button(words.downloads.zip(bytes(zip.byte_count)), take(zip, `${title}.zip`.replaceAll("/", "-")), "first")),
+    told,
+    h("details", {}, h("summary", {}, words.downloads.files(artifacts.length)),
+      table(words.downloads.title, words.downloads.columns, [...shown, ...ies].map(row))));
+}
+
+/** New rays: as many as wanted, in the format wanted. */
+export function newRays(job) {
+  const path = job.links.artifacts.replace(/\/artifacts$/, "/rays");
+  const wanted = { count: "10000000", format: "tm25", seed: "1" };
+  const size = h("p", { role: "status", class: "hint" });
+  let latest = 0;
+  const query = () => `${path}?count=${wanted.count}&seed=${wanted.seed}&format=${wanted.format}`;
+  const measure = async () => {
+    latest += 1;
+    const mine = latest;
+    if (!/^[1-9]\d{0,11}$/.test(wanted.count) || !/^\d{1,19}$/.test(wanted.seed)) return put(size, words.rays.wrong);
+    try {
+      const answer = await ask(query(), { method: "HEAD" });
+      const length = Number(answer.headers.get("Content-Length"));
+      if (mine === latest) put(size, words.rays.size(count(Number(wanted.count)), bytes(length)));
+    } catch (error) {
+      if (mine === latest) put(size, error.code || error.status ? words.rays.wrong : error.message);
+    }
+  };
+  const set = (name) => (value) => {
+    wanted[name] = value.replaceAll(/[\s\u202f_]/g, "");
+    measure();
+  };
+  const input = (name, label, hint) => field(label, h("input", { inputmode: "numeric", value: wanted[name], oninput: (event) => set(name)(event.target.value) }), hint);
+  const draw = async () => {
+    announce(words.rays.begun);
+    await save(query(), `rays-${wanted.count}.${EXTENSIONS[wanted.format]}`, (come, length) => put(size, words.downloads.come(bytes(come), length ? percent(come / length) : "")))
+      .catch((error) => put(size, problem(error)));
+  };
+  measure();
+  return h("section", { class: "card", "aria-labelledby": "rays-title" },
+    h("h2", { id: "rays-title" }, words.rays.title), h("p", {}, words.rays.why),
+    h("div", { class: "row" },
+      input("count", words.rays.count, null),
+      field(words.rays.format, select(words.rays.formats, wanted.format, set("format"))),
+      input("seed", words.rays.seed, words.rays.seedHint)),
+    size,
+    button(words.rays.draw, draw, "first"));
+}
+
+/** What this page does, for scripts. */
+export function commands(job) {
+  const auth = key() ? " -H \"Authorization: Bearer $KEY\"" : "";
+  const lines = [
+    [words.commands.job, `curl${auth} '${address(job.links.self)}'`],
+    [words.commands.zip, `curl${auth} -O '${address(job.links.zip)}'`],
+    [words.commands.artifacts, `curl${auth} '${address(job.links.artifacts)}'`],
+    [words.commands.rays, `curl${auth} -C - -o new.tm25ray '${address(job.links.artifacts.replace(/\/artifacts$/, "/rays"))}?count=10000000&seed=1&format=tm25'`],
+    [words.commands.again, `curl${auth} '${address("v1/jobs")}' -H 'Content-Type: application/json' -d '${JSON.stringify(request(job)).replaceAll("'", "'\\''")}'`],
+  ];
+  return h("section", { class: "card", "aria-labelledby": "commands-title" },
+    h("h2", { id: "commands-title" }, words.commands.title),
+    h("details", {}, h("summary", {}, words.commands.show),
+      lines.map(([text, command]) => h("div", { class: "command" }, h("p", {}, text),
+        h("pre", { tabindex: 0, "aria-label": text }, command),
+        navigator.clipboard ? button(words.commands.copy, async () => { await navigator.clipboard.writeText(command); announce(words.commands.copied); }) : null))));
+}
+
+/** The body of the request that makes an equal job: without what is not said. */
+function request({ channels, options, total }) {
+  const said = (value) => {
+    if (Array.isArray(value)) return value.map(said);
+    if (value === null || typeof value !== "object") return value;
+    const members = Object.entries(value).map(([name, member]) => [name, said(member)]);
+    return Object.fromEntries(members.filter(([, member]) => member !== null && !(typeof member === "object" && !Array.isArray(member) && !Object.keys(member).length)));
+  };
+  return said({ channels, options, total });
+}

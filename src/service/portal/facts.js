@@ -1,0 +1,57 @@
+// What a lamp is in a few numbers: flux, peak intensity, beam, colour, size.
+import { chromaticity, dominant, swatch, temperature } from "./colour.js";
+import { h } from "./dom.js";
+import { halfWidth, section } from "./goniogram.js";
+import { count, significant } from "./numbers.js";
+import { words } from "./words.js";
+
+/** The intensities of an entry, and their unit: luminous where known. */
+export function intensities(entry) {
+  return entry.luminous_intensity_cd
+    ? { grid: entry.luminous_intensity_cd, unit: "cd" }
+    : { grid: entry.radiant_intensity_W_per_sr, unit: "W/sr" };
+}
+
+function fact(name, value, more, mark) {
+  return h("div", { class: "fact" }, h("dt", {}, name), h("dd", {}, h("strong", {}, mark, value), more ? h("span", {}, more) : null));
+}
+
+/** The headline of a model: a list of facts. */
+export function headline(lamp, trust) {
+  const { total, source } = lamp.goniograms;
+  const { grid, unit } = intensities(total);
+  const peak = total.max_intensity;
+  const value = peak.value_cd ?? peak.value_W_per_sr;
+  const widths = [0, 90].map((c) => halfWidth(section(grid, lamp.directions, c)));
+  const fluxes = [[total.flux_lm, "lm"], [total.flux_W, "W"]].filter(([flux]) => flux !== null && flux !== undefined);
+  const size = lamp.box.min.map((low, k) => significant(lamp.box.max[k] - low, 3));
+  return h("dl", { class: "facts" },
+    fact(words.facts.flux, fluxes.map(([flux, name]) => `${significant(flux, 4)} ${name}`)[0] ?? "–", fluxes.slice(1).map(([flux, name]) => `${significant(flux, 4)} ${name}`).join(", ")),
+    fact(words.facts.peak, `${significant(value, 4)} ${unit}`, words.facts.at(significant(peak.c_deg, 3), significant(peak.gamma_deg, 3))),
+    fact(words.facts.beam, widths.every((width) => width === null) ? words.facts.noBeam : widths.map((width) => (width === null ? "–" : `${significant(width, 3)}°`)).join(" × "), words.facts.beamOf),
+    colourFact(lamp),
+    fact(words.facts.size, `${size.join(" × ")} mm`, words.facts.rays(count(source.ray_count))),
+    trust ? fact(words.facts.trust, trust.short, h("a", { href: "#quality", onclick: (event) => { event.preventDefault(); document.getElementById("quality").focus(); document.getElementById("quality").scrollIntoView(); } }, words.facts.why)) : null);
+}
+
+/** Its chromaticity, and the temperature or wavelength people call it by. */
+function colourFact(lamp) {
+  const xyz = tristimulus(lamp, lamp.goniograms.total);
+  if (!xyz) return fact(words.facts.colour, words.facts.unknown, words.facts.needsSpectrum);
+  const point = chromaticity(xyz);
+  const warm = temperature(point);
+  const nm = warm ? null : dominant(point);
+  const mark = h("span", { class: "swatch", "aria-hidden": "true" });
+  mark.style.background = swatch(xyz);
+  const called = warm ? words.facts.kelvin(count(Math.round(warm.kelvin / 10) * 10)) : nm ? words.facts.dominant(Math.round(nm)) : words.facts.purple;
+  return fact(words.facts.colour, called, words.facts.xy(point.x.toFixed(4), point.y.toFixed(4), warm ? warm.duv.toFixed(4) : null), mark);
+}
+
+/** X, Y, Z of an entry's flux; null where no spectrum is known. */
+export function tristimulus(lamp, entry) {
+  if (entry.spectral_flux_W_per_nm && lamp.weigh) return lamp.weigh(entry.spectral_flux_W_per_nm);
+  if (lamp.spectrum || !lamp.hasColour) return null;
+  const xyz = [0, 0, 0];
+  lamp.areas.forEach((area, vertex) => xyz.forEach((_, axis) => { xyz[axis] += area * lamp.exitance[4 * vertex + axis]; }));
+  return xyz;
+}

@@ -1,0 +1,108 @@
+// The page of a model: the lamp to turn, its curves and colour, whether to trust it, and what to take away.
+import { ask, json } from "./api.js";
+import { polar, spectrum } from "./charts.js";
+import { button, confirmed, h, put } from "./dom.js";
+import { commands, downloads, newRays } from "./downloads.js";
+import { headline, intensities, tristimulus } from "./facts.js";
+import { chromaticity } from "./colour.js";
+import { section } from "./goniogram.js";
+import { Lamp } from "./lamp.js";
+import { significant } from "./numbers.js";
+import { quality, verdict } from "./quality.js";
+import { View } from "./view.js";
+import { words } from "./words.js";
+
+/** Fills `page` with the model of a job that has succeeded. */
+export async function modelPage(page, job) {
+  put(page, h("p", { class: "card" }, words.model.loading));
+  const file = (name) => ask(`${job.links.artifacts}/${name}`);
+  const [glb, goniograms, report] = await Promise.all([
+    file("emitter.glb").then((answer) => answer.arrayBuffer()),
+    file("goniograms.json").then((answer) => answer.json()),
+    file("report.json").then((answer) => answer.json()),
+  ]);
+  const title = job.channels.map((channel, k) => channel.name ?? report.inputs[k].name).join(" + ");
+  document.title = words.title(title);
+  const lamp = new Lamp(glb, goniograms);
+  const [curves, light] = [h("div", { class: "curves" }), h("div", {})];
+  const draw = (zone) => {
+    put(curves, charts(lamp, zone));
+    put(light, spectra(lamp, zone));
+  };
+  const pictured = picture(lamp, draw);
+  draw(null);
+  put(page,
+    h("div", { class: "row between" }, h("h1", {}, title), h("div", { class: "row" }, again(job), removal(job))),
+    headline(lamp, verdict(report)),
+    h("div", { class: "lamp-page" }, h("div", { class: "stack" }, pictured, light), curves),
+    h("div", { class: "columns" },
+      quality(report, job.notices),
+      h("div", { class: "stack" }, await downloads(job, title), newRays(job), commands(job))));
+}
+
+/** The picture, or why there is none. */
+function picture(lamp, onzone) {
+  try {
+    const view = new View(lamp, onzone);
+    const notes = [];
+    if (lamp.volume) notes.push(h("p", { class: "hint" }, words.model.volume));
+    view.element.append(...notes);
+    // For tests, and for who looks at numbers in the console.
+    view.canvas.view = view;
+    return view.element;
+  } catch (error) {
+    return h("section", { class: "view" }, h("p", { class: "problem", role: "alert" }, words.model.noPicture(error.message)));
+  }
+}
+
+/** Curves and spectrum of the whole, and of a zone where one is pointed at. */
+function charts(lamp, zone) {
+  const { total, zones } = lamp.goniograms;
+  const { grid, unit } = intensities(total);
+  const entry = zone === null ? null : zones[zone];
+  const whole = [0, 90].map((c, k) => ({ name: words.charts.plane(c, c + 180), kind: ["first", "second"][k], points: section(grid, lamp.directions, c) }));
+  const own = entry ? intensities(entry).grid : null;
+  const zoned = own ? [0, 90].map((c, k) => ({ name: words.charts.plane(c, c + 180), kind: ["first", "second"][k], points: section(own, lamp.directions, c) })) : null;
+  return [
+    h("section", { class: "card", "aria-labelledby": "whole-title" },
+      h("h2", { id: "whole-title" }, words.charts.whole),
+      polar(words.charts.polar, whole, unit)),
+    h("section", { class: "card", "aria-labelledby": "zone-title" },
+      h("h2", { id: "zone-title" }, zone === null ? words.charts.zone : words.charts.zoneOf(zone)),
+      zoned ? polar(words.charts.zonePolar(zone), zoned, unit) : h("p", { class: "hint" }, words.charts.pointAt(zones.length)),
+      entry ? h("p", {}, words.charts.zoneFacts(fluxes(entry), significant(entry.area_mm2, 3))) : null),
+  ];
+}
+
+function fluxes(entry) {
+  return [[entry.flux_lm, "lm"], [entry.flux_W, "W"]].filter(([flux]) => flux !== null && flux !== undefined)
+    .map(([flux, unit]) => `${significant(flux, 3)} ${unit}`).join(", ");
+}
+
+function spectra(lamp, zone) {
+  const { total, zones } = lamp.goniograms;
+  const entry = zone === null ? null : zones[zone];
+  if (!lamp.spectrum || !total.spectral_flux_W_per_nm) {
+    return h("section", { class: "card", "aria-labelledby": "spectrum-title" }, h("h2", { id: "spectrum-title" }, words.charts.spectrum), h("p", { class: "hint" }, words.charts.noSpectrum));
+  }
+  const lists = [{ name: words.charts.whole, kind: "first", values: total.spectral_flux_W_per_nm }];
+  if (entry?.spectral_flux_W_per_nm) lists.push({ name: words.charts.zoneOf(zone), kind: "second", values: entry.spectral_flux_W_per_nm });
+  const point = chromaticity(tristimulus(lamp, total));
+  return h("section", { class: "card", "aria-labelledby": "spectrum-title" }, h("h2", { id: "spectrum-title" }, words.charts.spectrum),
+    spectrum(words.charts.spectrum, lamp.spectrum.band_edges_nm, lists),
+    h("p", {}, words.charts.chromaticity(point.x.toFixed(4), point.y.toFixed(4), point.u.toFixed(4), point.v.toFixed(4))));
+}
+
+/** The same files with other options. */
+function again(job) {
+  const ids = job.channels.map((channel) => channel.ray_set);
+  return h("a", { class: "button", href: `#/ray-sets/${ids.join(",")}` }, words.model.again);
+}
+
+export function removal(job) {
+  return button(words.model.remove, async () => {
+    if (!(await confirmed(words.model.remove, words.model.removeWhy, words.model.removeYes))) return;
+    await json(job.links.self, { method: "DELETE" });
+    location.hash = "#/";
+  }, "danger");
+}
