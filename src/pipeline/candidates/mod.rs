@@ -6,6 +6,8 @@
 
 /// Rays to build candidates of, and rays to judge them by.
 mod sample;
+/// The part of a surface that is lit.
+mod patch;
 /// Planes and spheres on which the light is sharpest.
 mod sharpness;
 /// A model made of a part of the rays, judged by the others.
@@ -23,9 +25,10 @@ use crate::source::{Ray, Source};
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::watch::{Stage, StageWatch};
 use crate::volume::lattice::is_filled;
+use patch::patch;
 use rayon::prelude::*;
 pub use sample::Sample;
-use sharpness::{Search, Sharp, patch};
+use sharpness::{Search, Sharp};
 use std::collections::VecDeque;
 use std::f64::consts::PI;
 use verification::{BandGroups, verify};
@@ -108,7 +111,7 @@ pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageW
             }
         }
         if open.is_empty() {
-            open.extend(more_symmetric(carrier, study.candidates[study.chosen].carrier));
+            open.extend(more_symmetric(carrier, &study));
         }
     }
     let carrier = study.candidates[study.chosen].carrier;
@@ -132,15 +135,22 @@ fn part_of(part: StageWatch<'_>, stage: Stage) -> StageWatch<'_> {
     }
 }
 
-/// Whether the best focal surface is symmetric is tried last: the most symmetric first, after `tried` the next.
-fn more_symmetric(tried: Carrier, best: Carrier) -> Option<Carrier> {
-    let patch = best.patch().filter(|patch| patch.symmetry == Symmetry::None)?;
-    let next = match tried.patch().map_or(Symmetry::None, |patch| patch.symmetry) {
+/// Whether the best focal surface is symmetric is tried last, even where another surface is better than it is alone: the most symmetric
+/// first, after `tried` the next, until one is taken.
+fn more_symmetric(tried: Carrier, study: &Study) -> Option<Carrier> {
+    let symmetry = |carrier: Carrier| carrier.patch().map_or(Symmetry::None, |patch| patch.symmetry);
+    if symmetry(study.candidates[study.chosen].carrier) != Symmetry::None {
+        return None;
+    }
+    let plain = study.candidates.iter().filter(|candidate| symmetry(candidate.carrier) == Symmetry::None);
+    let focal = plain.filter_map(|candidate| Some((candidate.log_radiance, candidate.carrier.patch()?)));
+    let (_, best) = focal.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let next = match symmetry(tried) {
         Symmetry::None => Symmetry::FourMirrors,
         Symmetry::FourMirrors => Symmetry::TwoMirrors,
         Symmetry::TwoMirrors => return None,
     };
-    Some(Carrier::Focal(patch.with(next)))
+    Some(Carrier::Focal(best.with(next)))
 }
 
 /// Where the light may be put, the simplest first; at least one.

@@ -2,8 +2,8 @@
 //! source. The rays that judge are two halves, and so are the rays drawn from the model: the product of their differences has no
 //! noise in the mean, so small errors show although every ray is random.
 
+use super::patch::quantiles;
 use super::sample::Sample;
-use super::sharpness::quantiles;
 use crate::error::Error;
 use crate::hull::{Carrier, Cloud};
 use crate::model::Model;

@@ -114,7 +114,9 @@ impl<'a> Directions<'a> {
             sums
         };
         let expected = ring_sums(prior);
-        let refined = refine(&self.rings, &ring_sums(counted), &expected, ray);
+        let sums = ring_sums(counted);
+        let counted = Counted { trust: Trust::Own, ..Counted::new(&sums, &expected, ray) };
+        let refined = refine(&self.rings, &counted);
         let factor = |ring: usize| if expected[ring] > 0.0 { refined.amounts[ring] / expected[ring] } else { 0.0 };
         Refined {
             amounts: prior.iter().zip(&ring_of_cell).map(|(amount, ring)| amount * factor(*ring)).collect(),
@@ -142,12 +144,7 @@ impl<'a> Directions<'a> {
             prior.amounts.iter().zip(&blurred).map(|(prior, seen)| a * prior + b * seen).collect()
         };
         let expected: Vec<Vec<f64>> = sources.par_iter().map(expected).collect();
-        let counted = sources.iter().zip(&expected).map(|((amounts, _), prior)| Counted {
-            amounts,
-            prior,
-            ray,
-            trust: Trust::Own,
-        });
+        let counted = sources.iter().zip(&expected).map(|((amounts, _), prior)| Counted::new(amounts, prior, ray));
         let mut refined = refine_all(&self.levels, &counted.collect::<Vec<_>>());
         for (refined, (_, prior)) in refined.iter_mut().zip(sources) {
             // The prior is made of the same rays, and has their noise.

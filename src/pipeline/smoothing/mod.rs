@@ -36,9 +36,9 @@ pub struct Refined {
 /// By whose noise the difference between what was counted at a place and what was expected is judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trust {
-    /// Its own: a place that few rays reach, as a pole of the sphere, follows its surroundings.
+    /// Its own: a place that is smaller than its surroundings, as the pole beside the rings of a sphere, follows them.
     Own,
-    /// That of its surroundings together: for a part of the light that may be bright where little of it was expected, as one colour of several.
+    /// That of its surroundings together: it may be bright where little light was expected.
     Surroundings,
 }
 
@@ -52,6 +52,13 @@ pub struct Counted<'a> {
     pub ray: f64,
     /// By whose noise a difference is judged.
     pub trust: Trust,
+}
+
+impl<'a> Counted<'a> {
+    /// Judged by the noise of the surroundings of each place.
+    pub fn new(amounts: &'a [f64], prior: &'a [f64], ray: f64) -> Counted<'a> {
+        Counted { amounts, prior, ray, trust: Trust::Surroundings }
+    }
 }
 
 /// As many are smoothed together, as the vector units of common processors hold well.
@@ -68,8 +75,8 @@ pub fn refine_all(levels: &Levels, all: &[Counted<'_>]) -> Vec<Refined> {
 }
 
 /// As [`refine_all`], of one.
-pub fn refine(levels: &Levels, amounts: &[f64], prior: &[f64], ray: f64) -> Refined {
-    let [refined] = lanes(levels, [&Counted { amounts, prior, ray, trust: Trust::Own }]);
+pub fn refine(levels: &Levels, counted: &Counted<'_>) -> Refined {
+    let [refined] = lanes(levels, [counted]);
     refined
 }
 
@@ -183,6 +190,10 @@ mod tests {
     use super::*;
     use glam::DVec3;
 
+    fn one(levels: &Levels, amounts: &[f64], prior: &[f64], ray: f64) -> Refined {
+        refine(levels, &Counted::new(amounts, prior, ray))
+    }
+
     /// A square of `side`² sites, each joined to its neighbours.
     fn square(side: u32) -> Levels {
         let points: Vec<DVec3> =
@@ -210,7 +221,7 @@ mod tests {
         let bright = |x: u32, _: u32| if x < 32 { 400.0 } else { 100.0 };
         let counted = counts(bright, side);
         let even = vec![1.0; counted.len()];
-        let found = refine(&levels, &counted, &even, 1.0);
+        let found = one(&levels, &counted, &even, 1.0);
         let (sum, total): (f64, f64) = (found.amounts.iter().sum(), counted.iter().sum());
         assert!((sum / total - 1.0).abs() < 1e-12, "{sum} of {total}");
         // Counts are off by 0.05 on the bright side and 0.1 on the other; at the edge at most half as much again is left.
@@ -228,7 +239,7 @@ mod tests {
     fn what_follows_the_prior_is_the_prior() {
         let levels = square(32);
         let prior: Vec<f64> = (0..1024).map(|k| 100.0 + f64::from(k % 32)).collect();
-        let found = refine(&levels, &prior, &prior, 1.0).amounts;
+        let found = one(&levels, &prior, &prior, 1.0).amounts;
         prior.iter().zip(found).for_each(|(prior, found)| assert!((found / prior - 1.0).abs() < 1e-9));
     }
 
@@ -236,9 +247,9 @@ mod tests {
     fn places_without_prior_stay_dark_and_nothing_comes_of_nothing() {
         let levels = square(8);
         let prior: Vec<f64> = (0..64).map(|k| f64::from(u8::from(k >= 8))).collect();
-        let found = refine(&levels, &vec![5.0; 64], &prior, 1.0).amounts;
+        let found = one(&levels, &vec![5.0; 64], &prior, 1.0).amounts;
         assert!(found[..8].iter().all(|amount| *amount == 0.0) && found[8..].iter().all(|amount| *amount > 0.0));
-        assert_eq!(refine(&levels, &vec![0.0; 64], &prior, 1.0).amounts, vec![0.0; 64]);
+        assert_eq!(one(&levels, &vec![0.0; 64], &prior, 1.0).amounts, vec![0.0; 64]);
     }
 
     /// However many are smoothed together, each is as it is alone, to the bit; one without light leaves the others alone.
@@ -247,14 +258,13 @@ mod tests {
         let levels = square(16);
         let of = |k: u32| counts(move |x, y| f64::from(20 * k + x * k + y), 16);
         let (counted, prior): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (0..7).map(|k| (of(3 * k), of(k + 1))).unzip();
-        let alone: Vec<Refined> = (0..7).map(|k| refine(&levels, &counted[k], &prior[k], 1.0 + k as f64)).collect();
+        let alone: Vec<Refined> = (0..7).map(|k| one(&levels, &counted[k], &prior[k], 1.0 + k as f64)).collect();
         let dark = vec![0.0; 256];
-        assert_eq!(refine(&levels, &dark, &prior[0], 1.0).amounts, dark);
+        assert_eq!(one(&levels, &dark, &prior[0], 1.0).amounts, dark);
         for count in 1..=7 {
-            let of =
-                |k: usize| Counted { amounts: &counted[k], prior: &prior[k], ray: 1.0 + k as f64, trust: Trust::Own };
+            let of = |k: usize| Counted::new(&counted[k], &prior[k], 1.0 + k as f64);
             assert_eq!(refine_all(&levels, &(0..count).map(of).collect::<Vec<_>>()), alone[..count]);
-            let beside = [Counted { amounts: &dark, prior: &prior[0], ray: 1.0, trust: Trust::Own }, of(count - 1)];
+            let beside = [Counted::new(&dark, &prior[0], 1.0), of(count - 1)];
             assert_eq!(refine_all(&levels, &beside)[1], alone[count - 1]);
         }
     }
@@ -271,7 +281,8 @@ mod tests {
         let truth = |site: usize| share(site) * if site as u32 % side < side / 2 { 100.0 } else { 200.0 };
         let mut counted: Vec<f64> = counts(|x, y| truth((y * side + x) as usize), side);
         counted[middle] = 0.5 * truth(middle);
-        let found = refine(&levels, &counted, &prior, 1.0).amounts[middle] / truth(middle);
+        let own = Counted { trust: Trust::Own, ..Counted::new(&counted, &prior, 1.0) };
+        let found = refine(&levels, &own).amounts[middle] / truth(middle);
         assert!((found - 1.0).abs() < 0.25, "{found:.2} of the truth, counted 0.50 of it");
     }
 
@@ -279,11 +290,11 @@ mod tests {
     #[test]
     fn odd_graphs_are_levels_too() {
         let alone = Levels::new(&[DVec3::ZERO], &[0], &[], 1.0, Sharing::ThreeCorners, WINDOW);
-        assert_eq!(refine(&alone, &[3.0], &[1.0], 1.0).amounts, [3.0]);
+        assert_eq!(one(&alone, &[3.0], &[1.0], 1.0).amounts, [3.0]);
         let points = [DVec3::ZERO, DVec3::X, 5.0 * DVec3::X, 6.0 * DVec3::X];
         let apart =
             Levels::new(&points, &[0, 0, 1, 1], &[(0, 1, 1.0), (2, 3, 1.0)], 1.0, Sharing::ThreeCorners, WINDOW);
-        let found = refine(&apart, &[900.0, 900.0, 100.0, 100.0], &[1.0; 4], 1.0).amounts;
+        let found = one(&apart, &[900.0, 900.0, 100.0, 100.0], &[1.0; 4], 1.0).amounts;
         assert!(found[0] > 850.0 && found[3] < 150.0, "{found:?}");
     }
 }
