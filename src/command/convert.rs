@@ -36,7 +36,7 @@ pub struct Arguments {
     #[arg(long, value_name = "SEED")]
     shuffle: Option<u64>,
     /// Write so many rays, picked at random from all of them, with their flux scaled so that the total of each file stays.
-    #[arg(long, value_name = "N", value_parser = measure::at_least_one::<u64>)]
+    #[arg(long, value_name = "N", value_parser = measure::rays)]
     take: Option<u64>,
     /// Which rays --take picks; the same seed picks the same rays.
     #[arg(long, value_name = "SEED", default_value_t = 1, requires = "take")]

@@ -2,7 +2,7 @@
 
 use super::terminal::failure::Failure;
 use super::terminal::table::Table;
-use super::terminal::{argument, output};
+use super::terminal::{argument, measure, output};
 use clap::Args;
 use pipeline::known_sources;
 use pipeline::known_sources::KnownSource;
@@ -21,7 +21,7 @@ pub struct Arguments {
     #[arg(long, exclusive = true)]
     list: bool,
     /// Number of rays.
-    #[arg(long, value_name = "N", default_value_t = 1_000_000, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = 1_000_000, value_parser = measure::rays)]
     rays: u64,
     /// Seed of the random numbers; the same seed gives the same file on every machine.
     #[arg(long, value_name = "S", default_value_t = 1)]

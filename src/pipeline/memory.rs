@@ -244,8 +244,8 @@ mod tests {
         };
         let [plain, by_ray] = ["table", "wavelength per ray"];
         for (source, rays, spectrum, threads, options, measured, most) in [
-            ("dome", 100_000, plain, 2, Options::default(), 57.0, 4.0),
-            ("dome", 1_000_000, plain, 2, Options::default(), 76.0, 4.0),
+            ("dome", 100_000, plain, 2, Options::default(), 84.0, 4.0),
+            ("dome", 1_000_000, plain, 2, Options::default(), 84.0, 4.0),
             ("dome", 100_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 260.0, 7.0),
             ("dome", 1_000_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 254.0, 4.0),
             ("dome", 1_000_000, plain, 2, with(|o| o.rays.band_edges_nm = bands(1000)), 239.0, 3.0),
@@ -266,8 +266,8 @@ mod tests {
             ("cylinder", 1_000_000, plain, 2, Options::default(), 84.0, 6.0),
             ("cylinder", 1_000_000, plain, 2, with(|o| o.hull.resolution = Some(256)), 262.0, 4.0),
             ("cylinder", 1_000_000, plain, 2, with(fine), 129.0, 6.0),
-            ("four chips", 100_000, by_ray, 2, Options::default(), 85.0, 4.0),
-            ("four chips", 1_000_000, by_ray, 2, Options::default(), 99.0, 5.0),
+            ("four chips", 100_000, by_ray, 2, Options::default(), 87.0, 4.0),
+            ("four chips", 1_000_000, by_ray, 2, Options::default(), 91.0, 5.0),
             ("four chips", 100_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(4096)), 244.0, 5.0),
             ("four chips", 1_000_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(1000)), 252.0, 7.0),
             ("four chips", 1_000_000, by_ray, 2, with(|o| o.rays.band_edges_nm = bands(2500)), 459.0, 7.0),

@@ -246,6 +246,47 @@ mod tests {
         }
     }
 
+    /// Flux of an intensity in each cell, by the middles of 20 x 20 parts of it.
+    fn flux_in_cells(grid: &SphereGrid, intensity: impl Fn(f64, f64) -> f64) -> Vec<f64> {
+        const PARTS: usize = 20;
+        let mut flux = vec![0.0; grid.cell_count()];
+        let part_c = TAU / (grid.c_planes() * PARTS) as f64;
+        for node in 0..grid.gamma_nodes() {
+            let [from, to] = grid.gamma_borders(node);
+            let part_gamma = (to - from) / PARTS as f64;
+            for (c, k, j) in
+                (0..grid.c_planes()).flat_map(|c| (0..PARTS * PARTS).map(move |k| (c, k / PARTS, k % PARTS)))
+            {
+                let gamma = from + (k as f64 + 0.5) * part_gamma;
+                let turn = (c as f64 - 0.5) * TAU / grid.c_planes() as f64 + (j as f64 + 0.5) * part_c;
+                let sr = gamma.sin() * part_gamma * part_c;
+                flux[grid.cell_of_node(c, node)] += intensity(turn.rem_euclid(TAU), gamma) * sr;
+            }
+        }
+        flux
+    }
+
+    /// The means of a beam's cells, interpolated as they are, round off its peak; sharpened, what is interpolated has these means again.
+    #[test]
+    fn what_is_interpolated_has_the_means_of_the_cells() {
+        let grid = SphereGrid::new(36, 24);
+        let beam = |c: f64, gamma: f64| (gamma.sin() * c.cos() * 0.5 + gamma.cos()).max(0.0).powi(12);
+        let flux = flux_in_cells(&grid, beam);
+        let off = |flux_at_nodes: &[f64]| {
+            let cells: Vec<f64> =
+                flux_at_nodes.iter().zip(grid.cell_solid_angles_sr()).map(|(flux, sr)| flux / sr).collect();
+            let nodes = grid.nodes_from_cells(&cells);
+            let found = flux_in_cells(&grid, |c, gamma| grid.interpolate(&nodes, c, gamma));
+            found.iter().zip(&flux).map(|(found, flux)| (found - flux).abs()).sum::<f64>() / flux.iter().sum::<f64>()
+        };
+        let sharpened = grid.sharpened(&flux);
+        let (before, after) = (off(&flux), off(&sharpened));
+        println!("{before:.4} of the flux lies elsewhere as it is, {after:.4} sharpened");
+        assert!(before > 0.01 && after < 0.3 * before, "{before:.4}, {after:.4}");
+        let [sum, kept]: [f64; 2] = [&flux, &sharpened].map(|flux| flux.iter().sum());
+        assert!((kept / sum - 1.0).abs() < 1e-12 && sharpened.iter().all(|flux| *flux >= 0.0), "{kept} of {sum}");
+    }
+
     #[test]
     fn a_direction_belongs_to_the_cell_of_its_nearest_node() {
         let grid = SphereGrid::new(36, 24);

@@ -1,6 +1,6 @@
 // A camera that goes round the source: it looks from the direction (C, γ), at a distance, so that what is seen has a name.
 const RAD = Math.PI / 180;
-/** Height of the field of view, radians. */
+/** Field of view across the narrow side of the picture, radians. */
 const FIELD = 28 * RAD;
 
 export class Camera {
@@ -31,9 +31,14 @@ export class Camera {
     this.distance = Math.min(Math.max(this.distance * factor, 0.05 * this.radius), 400 * this.radius);
   }
 
+  /** Half the height of the picture at the distance 1, for a picture of this width over height. */
+  static tall(aspect) {
+    return Math.tan(FIELD / 2) / Math.min(1, aspect);
+  }
+
   /** Moves what is looked at, by parts of the picture's height. */
-  shift(right, up) {
-    const height = 2 * this.distance * Math.tan(FIELD / 2);
+  shift(right, up, aspect) {
+    const height = 2 * this.distance * Camera.tall(aspect);
     const axes = this.axes();
     this.target = this.target.map((value, k) => value + height * (right * axes.right[k] + up * axes.up[k]));
   }
@@ -58,7 +63,7 @@ export class Camera {
     const { back, up, right } = this.axes();
     const eye = this.eye();
     const along = (axis) => -(axis[0] * eye[0] + axis[1] * eye[1] + axis[2] * eye[2]);
-    const tall = Math.tan(FIELD / 2);
+    const tall = Camera.tall(aspect);
     const [wide, near, far] = [tall * aspect, this.distance * 1e-3, this.distance + 500 * this.radius];
     const rows = [
       [...right.map((value) => value / wide), along(right) / wide],

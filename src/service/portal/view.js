@@ -139,7 +139,7 @@ export class View {
       const others = [...pointers].filter(([id]) => id !== event.pointerId);
       pointers.set(event.pointerId, [event.clientX, event.clientY]);
       if (others.length) this.pinch(before, [event.clientX, event.clientY], others[0][1], dx, dy);
-      else if (event.shiftKey || event.buttons === 4) this.camera.shift(-dx / canvas.clientHeight, dy / canvas.clientHeight);
+      else if (event.shiftKey || event.buttons === 4) this.shift(-dx, dy);
       else this.camera.turn(-dx * 0.4, -dy * 0.4);
       return this.moved();
     });
@@ -157,7 +157,13 @@ export class View {
   pinch(before, now, other, dx, dy) {
     const apart = ([x, y]) => Math.hypot(x - other[0], y - other[1]);
     this.camera.zoom(apart(before) / Math.max(apart(now), 1));
-    this.camera.shift(-dx / 2 / this.canvas.clientHeight, dy / 2 / this.canvas.clientHeight);
+    this.shift(-dx / 2, dy / 2);
+  }
+
+  /** Moves what is looked at, by pixels of the page. */
+  shift(right, up) {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    this.camera.shift(right / height, up / height, width / height);
   }
 
   key(event) {
