@@ -28,10 +28,16 @@ pub struct Arguments {
 #[derive(Subcommand)]
 enum ViewArguments {
     /// Intensity: on a grid of C and gamma, or in directions of your own.
+    ///
+    /// C and gamma are those of the model (`frame` in goniograms.json): of a source that shines along +Z, gamma 0 is +Z, C0 is +X and C90 is -Y.
     Intensity(Intensity),
     /// Irradiance or illuminance on a rectangle of a plane.
+    ///
+    /// Places and directions are in the axes of the ray file, mm. For example: lampwright evaluate MODEL plane --center 0,0,10 --width 20 -o lux.svg
     Plane(OnPlane),
     /// Radiance or luminance as a camera sees it.
+    ///
+    /// Places and directions are in the axes of the ray file, mm.
     Camera(Seen),
 }
 
@@ -74,7 +80,7 @@ struct OnPlane {
     /// Middle of the rectangle, mm.
     #[arg(long, value_name = "X,Y,Z", value_parser = argument::vector, allow_hyphen_values = true)]
     center: Vector,
-    /// Normal towards the side that is lit [default: against the axis of the source].
+    /// Normal towards the side that is lit, in the ray file's axes [default: across the model's gamma = 0, to the side of the source].
     #[arg(long, value_name = "X,Y,Z", value_parser = argument::vector, allow_hyphen_values = true)]
     normal: Option<Vector>,
     /// What is up in the picture [default: +Z, and +Y of a plane across Z].

@@ -173,7 +173,7 @@ fn chromaticity(xyz: &[Channel]) -> Vec<Channel> {
         let of = |cell: usize| {
             let (all, error): (f64, f64) = (sum(|of| &of.values, cell), sum(|of| &of.bounds, cell));
             if all <= 0.0 {
-                return (0.0, 0.0);
+                return (0.0, if error > 0.0 { 1.0 } else { 0.0 });
             }
             let share = channel.values[cell] / all;
             // Errors of the sum and of its part; no share is off by more than 1.

@@ -54,7 +54,9 @@ impl Kind {
 
     /// Luminous where the model knows it, else radiant.
     pub fn first_known(light: &Light<'_>) -> Kind {
-        if Kind::Luminous.is_known(light) { Kind::Luminous } else { Kind::Radiant }
+        // Of infrared, lumens are known to be none.
+        let is_visible = light.vertices.luminous_lm.iter().flatten().any(|lumen| *lumen > 0.0);
+        if Kind::Luminous.is_known(light) && is_visible { Kind::Luminous } else { Kind::Radiant }
     }
 }
 

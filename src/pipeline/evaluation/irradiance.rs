@@ -10,6 +10,7 @@ use super::ceiling::Ceilings;
 use super::clusters::{Clusters, Node};
 use super::emission::Emission;
 use super::lump::{Lump, Piece};
+use crate::error::Error;
 use crate::vocabulary::space::Bounds;
 use glam::DVec3;
 use std::cmp::Ordering;
@@ -124,8 +125,18 @@ impl<'e, 'a> Quadrature<'e, 'a> {
         Quadrature { emission, clusters: Clusters::new(emission), ceilings: Ceilings::new(emission), c_step }
     }
 
-    /// Irradiance at a point and the bound of its error, flux/mm², one number a channel each.
-    pub fn irradiance(&self, at: Receiver, care: Care, scratch: &mut Scratch, into: &mut [f64], bound: &mut [f64]) {
+    /// Irradiance at a point and the bound of its error, flux/mm², one number a channel each. `pause` is asked now and then whether to go on.
+    ///
+    /// # Errors
+    /// That of `pause`.
+    pub fn irradiance(
+        &self,
+        at: Receiver,
+        care: Care,
+        scratch: &mut Scratch,
+        (into, bound): (&mut [f64], &mut [f64]),
+        pause: impl Fn() -> Result<(), Error>,
+    ) -> Result<(), Error> {
         let channels = self.emission.channels();
         scratch.clear(channels);
         self.look(self.clusters.root(), at, 0, scratch);
@@ -136,6 +147,7 @@ impl<'e, 'a> Quadrature<'e, 'a> {
             let enough = care.tolerance * (value + floor);
             // Sums of what was added and taken away again drift where large errors were among them.
             if error <= enough || split % ANEW == 0 {
+                pause()?;
                 (value, error) = scratch.sums(self.emission);
                 if error <= enough {
                     break;
@@ -167,6 +179,7 @@ impl<'e, 'a> Quadrature<'e, 'a> {
             into.iter_mut().zip(&scratch.values[from..]).for_each(|(sum, value)| *sum += value);
             bound.iter_mut().zip(&scratch.errors[from..]).for_each(|(sum, error)| *sum += error);
         });
+        Ok(())
     }
 
     /// Irradiance that an even source of the same flux would have there, times [`DARK`].

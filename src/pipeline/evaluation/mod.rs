@@ -53,7 +53,8 @@ const BLOCK: usize = 16;
 /// Evaluates a model that `name` names.
 ///
 /// # Errors
-/// [`Error::Unusable`] for a request that cannot be answered; [`Error::Refused`] above [`Request::most_numbers`]; [`Error::Cancelled`].
+/// [`Error::Unusable`] for a request that cannot be answered; [`Error::Refused`] above [`Request::most_numbers`] or
+/// [`Request::most_kept`]; [`Error::Cancelled`].
 pub fn evaluate<'a>(
     light: impl Into<Light<'a>>,
     name: &str,
@@ -61,10 +62,11 @@ pub fn evaluate<'a>(
     watch: StageWatch<'_>,
 ) -> Result<Answer, Error> {
     let light = light.into();
+    let request = &request.facing(&light);
     let kind = request.kind.unwrap_or_else(|| Kind::first_known(&light));
     request.check()?;
     let [columns, rows] = request.view.shape()?;
-    let emission = Emission::new(light, kind)?;
+    let emission = Emission::new(light.clone(), kind)?;
     let numbers = columns.saturating_mul(rows).saturating_mul(emission.channels());
     if numbers > request.most_numbers {
         let most = request.most_numbers;
@@ -73,6 +75,16 @@ pub fn evaluate<'a>(
             "Ask for fewer cells or one number a cell; the command lampwright evaluate computes up to 16777216.";
         return Err(Error::refused("evaluation.too_large", found, remedy));
     }
+    let kept = light.vertices.len().max(light.volume.map_or(0, |volume| volume.nodes.len()));
+    if kept.saturating_mul(emission.channels()) > request.most_kept {
+        let found = format!(
+            "The model has {kept} places with {} numbers each, too many to be kept while they are evaluated here.",
+            emission.channels()
+        );
+        let remedy = "Ask for one number a cell, or use the command lampwright evaluate.";
+        return Err(Error::refused("evaluation.too_large", found, remedy));
+    }
+    watch.step(0.0)?;
     let raw = cells_of(&emission, request, columns * rows, watch)?;
     Answer::new(&emission, name, request, kind, raw)
 }
@@ -91,7 +103,7 @@ fn cells_of(emission: &Emission<'_>, request: &Request, cells: usize, watch: Sta
             || (),
             |(), cell, values, _| {
                 field.add(direction(cell), values);
-                1
+                Ok(1)
             },
         )
     };
@@ -123,8 +135,10 @@ fn cells_of(emission: &Emission<'_>, request: &Request, cells: usize, watch: Sta
             let care = Care { tolerance: request.tolerance, most_splits: MOST_SPLITS };
             cell_by_cell(emission, cells, watch, irradiance::Scratch::default, |scratch, cell, values, bounds| {
                 let before = scratch.evaluations;
-                quadrature.irradiance(sheet.receiver(cell, normal), care, scratch, values, bounds);
-                scratch.evaluations - before
+                let at = sheet.receiver(cell, normal);
+                quadrature
+                    .irradiance(at, care, scratch, (values, bounds), || watch.step(cell as f64 / cells as f64))?;
+                Ok(scratch.evaluations - before)
             })
         }
         View::Camera(camera) => {
@@ -132,7 +146,7 @@ fn cells_of(emission: &Emission<'_>, request: &Request, cells: usize, watch: Sta
             cell_by_cell(emission, cells, watch, radiance::Scratch::default, |scratch, cell, values, bounds| {
                 let before = scratch.evaluations;
                 mean_of_lines(&lens, &lines, cell, scratch, values, bounds);
-                scratch.evaluations - before
+                Ok(scratch.evaluations - before)
             })
         }
     }
@@ -172,7 +186,7 @@ fn cell_by_cell<S: Send>(
     cells: usize,
     watch: StageWatch<'_>,
     scratch: impl Fn() -> S + Sync + Send,
-    cell: impl Fn(&mut S, usize, &mut [f64], &mut [f64]) -> u64 + Sync + Send,
+    cell: impl Fn(&mut S, usize, &mut [f64], &mut [f64]) -> Result<u64, Error> + Sync + Send,
 ) -> Result<(Vec<f64>, Vec<f64>, u64), Error> {
     let channels = emission.channels();
     let (mut values, mut bounds) = (vec![0.0; cells * channels], vec![0.0; cells * channels]);
@@ -183,7 +197,7 @@ fn cell_by_cell<S: Send>(
         watch.step(done.fetch_add(BLOCK, Ordering::Relaxed) as f64 / cells as f64)?;
         let own = values.chunks_exact_mut(channels).zip(bounds.chunks_exact_mut(channels));
         for (at, (values, bounds)) in own.enumerate() {
-            evaluations.fetch_add(cell(scratch, block * BLOCK + at, values, bounds), Ordering::Relaxed);
+            evaluations.fetch_add(cell(scratch, block * BLOCK + at, values, bounds)?, Ordering::Relaxed);
         }
         Ok::<(), Error>(())
     })?;

@@ -4,6 +4,8 @@ use super::emission::Kind;
 use super::view;
 use super::view::View;
 use crate::error::{Error, Place};
+use crate::model::light::Light;
+use crate::vocabulary::space::Bounds;
 
 /// Error of an irradiance against its value that is aimed at where nothing is said.
 pub const TOLERANCE: f64 = 1e-3;
@@ -25,6 +27,8 @@ pub struct Request {
     pub tolerance: f64,
     /// Most numbers of the answer: cells times channels.
     pub most_numbers: usize,
+    /// Most numbers of the model: vertices or nodes times channels. Some forty bytes are kept for each.
+    pub most_kept: usize,
 }
 
 impl View {
@@ -56,7 +60,15 @@ impl View {
 impl Request {
     /// Of a view, with nothing else said.
     pub fn of(view: View) -> Request {
-        Request { view, kind: None, tolerance: TOLERANCE, most_numbers: MOST_NUMBERS }
+        Request { view, kind: None, tolerance: TOLERANCE, most_numbers: MOST_NUMBERS, most_kept: usize::MAX }
+    }
+
+    /// The same, where no normal of a plane was given with that towards the source.
+    #[must_use]
+    pub fn facing(&self, light: &Light<'_>) -> Request {
+        let View::Plane(plane) = self.view else { return self.clone() };
+        let source_mm = Bounds::of(light.mesh.vertices_mm.iter().copied()).center();
+        Request { view: View::Plane(plane.facing(&light.frame, source_mm)), ..self.clone() }
     }
 
     /// Refuses a tolerance that cannot be kept or says nothing.

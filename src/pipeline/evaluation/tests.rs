@@ -420,6 +420,7 @@ fn what_cannot_be_answered_is_told() {
     for wrong in [0.0, 0.5, f64::NAN] {
         assert_eq!(code(tolerance(wrong), &NoProgress), "evaluation.tolerance");
     }
+    assert_eq!(code(Request { most_kept: 3, ..Request::of(view()) }, &NoProgress), "evaluation.too_large");
     assert_eq!(code(Request::of(View::Directions(Vec::new())), &NoProgress), "evaluation.directions");
     assert_eq!(code(Request::of(View::Directions(vec![DVec3::ZERO])), &NoProgress), "evaluation.geometry");
     assert_eq!(code(Request::of(View::Angles(vec![[f64::NAN, 0.0]])), &NoProgress), "evaluation.geometry");

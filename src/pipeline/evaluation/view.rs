@@ -44,7 +44,7 @@ pub enum View {
 pub struct Plane {
     /// Its middle, mm.
     pub center_mm: DVec3,
-    /// Normal towards the side that is lit; against nadir where nothing is said.
+    /// Normal towards the side that is lit; where nothing is said that across γ = 0, to the side of the source ([`Plane::facing`]).
     pub normal: Option<DVec3>,
     /// What is up; +Z where nothing is said, +Y on a plane across Z.
     pub up: Option<DVec3>,
@@ -168,7 +168,15 @@ impl Sheet {
 }
 
 impl Plane {
-    /// Its points, from the upper left on, and where the normal is.
+    /// The same plane; where no normal was given, it lies across γ = 0 and looks to the side on which the middle of the source lies.
+    #[must_use]
+    pub fn facing(self, frame: &Frame, source_mm: DVec3) -> Plane {
+        let nadir = frame.nadir.vector();
+        let towards = if (source_mm - self.center_mm).dot(nadir) > 0.0 { nadir } else { -nadir };
+        Plane { normal: self.normal.or(Some(towards)), ..self }
+    }
+
+    /// Its points, from the upper left on, and its normal.
     ///
     /// # Errors
     /// [`Error::Unusable`] where a size, a vector or a count cannot be.
@@ -282,6 +290,18 @@ mod tests {
         assert_eq!(normal, DVec3::NEG_Z);
         assert_eq!(sheet.receiver(0, normal).point_mm, DVec3::new(1.5, 0.5, 3.0));
         assert_eq!(sheet.receiver(7, normal).point_mm, DVec3::new(-1.5, -0.5, 3.0));
+    }
+
+    /// A plane behind the source looks at it too; a normal that was given stays.
+    #[test]
+    fn a_plane_looks_at_the_source() {
+        let frame = Frame::looking(Axis::PosZ);
+        for (source, expected) in [(0.0, DVec3::NEG_Z), (9.0, DVec3::Z)] {
+            let faced = plane().facing(&frame, DVec3::new(1.0, 2.0, source));
+            assert_eq!(faced.sheet(&frame).unwrap().1, expected);
+        }
+        let given = Plane { normal: Some(DVec3::X), ..plane() };
+        assert_eq!(given.facing(&frame, DVec3::ZERO), given);
     }
 
     #[test]

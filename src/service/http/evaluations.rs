@@ -18,6 +18,8 @@ use utoipa::ToSchema;
 
 /// Most numbers of an answer: cells times channels.
 const MOST_NUMBERS: usize = 1 << 18;
+/// Most numbers of a model that are kept while it is evaluated, vertices or nodes times channels: some 80 MB.
+const MOST_KEPT: usize = 1 << 21;
 /// Lines along each side of a cell of a camera where nothing is said.
 const SAMPLES: usize = 2;
 
@@ -80,7 +82,7 @@ pub struct PlaneView {
     /// Its middle.
     #[schema(value_type = NumberTriple)]
     pub center_mm: [f64; 3],
-    /// Normal towards the side that is lit. Default: against the axis gamma = 0 of the source.
+    /// Normal towards the side that is lit. Default: across gamma = 0, to the side on which the source lies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<NumberTriple>)]
     pub normal: Option<[f64; 3]>,
@@ -211,7 +213,7 @@ impl NewEvaluation {
             LightName::Color => LightKind::Color,
         });
         let tolerance = self.tolerance.unwrap_or(TOLERANCE);
-        Ok(EvaluationRequest { view, kind, tolerance, most_numbers: MOST_NUMBERS })
+        Ok(EvaluationRequest { view, kind, tolerance, most_numbers: MOST_NUMBERS, most_kept: MOST_KEPT })
     }
 }
 
@@ -229,7 +231,7 @@ impl EvaluationFormat {
 /// Evaluates the model of a job
 ///
 /// Intensity, irradiance or radiance without noise, each number with the bound of its error against the model. An answer has at most 262144
-/// numbers (cells times channels) and takes at most 20 s; `lampwright evaluate` computes what is larger. Nothing is stored, so the request can
+/// numbers (cells times channels) and takes about 20 s at most; `lampwright evaluate` computes what is larger. Nothing is stored, so the request can
 /// be repeated.
 #[utoipa::path(
     post, path = "/v1/jobs/{id}/evaluations", tag = "artifacts", operation_id = "evaluate_model", request_body = NewEvaluation,

@@ -163,7 +163,11 @@ pub fn unpack(archive: impl Read + Seek) -> Result<[Vec<u8>; 2], Error> {
             let found = "The archive holds no model: emitter.glb or goniograms.json is missing.";
             Error::malformed("model.missing_file", found, "Give the model.zip of a job, or its folder.")
         }
-        other => Error::malformed("model.archive", format!("The archive cannot be read: {other}."), AGAIN),
+        other => {
+            let found = format!("This is no zip archive of a model that can be read: {other}.");
+            let remedy = "Name a model's folder or its model.zip; lampwright build makes one of a ray file.";
+            Error::malformed("model.archive", found, remedy)
+        }
     };
     let mut archive = ZipArchive::new(archive).map_err(unzipped)?;
     let mut file = |name: &str| -> Result<Vec<u8>, Error> {
