@@ -73,6 +73,7 @@ export const words = {
     pause: "Pause",
     resume: "Go on",
     remove: "Remove from the list",
+    sendAgain: "Send it again",
     open: "Look at its rays",
     openOne: (number) => `Look at ray file ${number}`,
     leftOut: (count) => `${count} other files of the packed file were left out`,
@@ -85,6 +86,8 @@ export const words = {
       taken: ({ count }) => (count > 1 ? `Done: ${count} ray files.` : "Done."),
       refused: ({ isQuestion }) => (isQuestion ? "One question first." : "Refused."),
       cancelled: () => "Cancelled.",
+      unknown: () => "Not known here any more; send it again?",
+      elsewhere: () => "Another tab has seen to it.",
     },
   },
 
