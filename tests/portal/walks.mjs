@@ -119,6 +119,9 @@ export async function two_files_become_one_source_with_shares(scene) {
   await page.getByText("One source of 2 files").waitFor();
   for (const [k, share] of ["30", "70"].entries()) {
     await page.getByLabel("Flux of this file").nth(k).selectOption("luminous_share");
+    await page.getByLabel("Value").nth(k).fill("1,200");
+    await page.locator(".estimate").getByText(/the value of its flux, a plain number/).waitFor();
+    assert.equal(await page.getByLabel("Value").nth(k).getAttribute("aria-invalid"), "true");
     await page.getByLabel("Value").nth(k).fill(share);
   }
   await page.getByLabel("Total flux of the source").selectOption("luminous_lm");

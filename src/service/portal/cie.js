@@ -1,4 +1,5 @@
-// CIE 1931 2° colour-matching functions x̄, ȳ, z̄ at 5 nm from 360 to 830 nm: the numbers of src/pipeline/vocabulary/cie_1931.rs.
+// CIE 1931 2° colour-matching functions x̄, ȳ, z̄ at 5 nm from 360 to 830 nm: every fifth row of
+// src/pipeline/vocabulary/cie_1931.rs, which has one for each nm. tests/api/portal.rs holds them equal.
 export const FIRST_NM = 360;
 export const STEP_NM = 5;
 export const CMF = [

@@ -16,6 +16,7 @@ export const words = {
   foot: "Everything on these pages stays on this service. All of it can be asked for by programs as well.",
   loading: "Loading …",
   no: "No",
+  typed: "A plain number, as 1200 or 98.5.",
   tableOf: (caption) => `Table: ${caption}`,
   nothingTitle: "There is no such page",
   nothing: "The address is not one of the portal's. Its first page lists what is here.",
@@ -139,6 +140,7 @@ export const words = {
     fluxes: [["", "as in the file"], ["luminous_lm", "in lm"], ["radiant_w", "in W"], ["luminous_share", "share of the total lm, %"], ["radiant_share", "share of the total W, %"]],
     fluxHint: "A share is of the source's total, which is asked for below.",
     fluxValue: "Value",
+    fluxMissing: "the value of its flux, a plain number",
     spectrum: "Spectrum, as a file",
     spectrumHint: "Two columns (nm, value), LightTools .sre, Zemax .spcd, IES TM-27 or Speos .spectrum.",
     noSpectrum: "The spectrum is the file's own, if it has one.",
@@ -163,6 +165,7 @@ export const words = {
     totals: [["", "the sum of its files"], ["luminous_lm", "in lm"], ["radiant_w", "in W"]],
     totalHint: "As the data sheet says it.",
     totalValue: "Value",
+    totalMissing: "the value of the total flux, a plain number",
     ready: (name) => `The checks of ${name} are shown.`,
     estimate: ({ rays, memory, time, ahead }) => `${rays} rays; about ${time ? `${time} and ` : ""}${memory} of memory.${ahead ? ` ${ahead} jobs are before it.` : ""}`,
     tooLarge: (limit) => `This service computes jobs up to ${limit}: choose a smaller resolution, fewer zones or wider steps.`,
@@ -212,7 +215,7 @@ export const words = {
   facts: {
     flux: "Flux", peak: "Peak intensity", at: (c, gamma) => `at C ${c}°, γ ${gamma}°`,
     beam: "Full width at half peak", beamOf: "C0–C180 × C90–C270", noBeam: "to all sides",
-    colour: "Colour", unknown: "unknown", needsSpectrum: "The file has no spectrum.",
+    colour: "Colour", unknown: "unknown", dark: "no visible light", needsSpectrum: "The file has no spectrum.",
     kelvin: (kelvin) => `${kelvin} K`, dominant: (nm) => `dominant ${nm} nm`, purple: "purple", xy: (x, y, duv) => `x ${x}, y ${y}${duv === null ? "" : `, Duv ${duv}`}`,
     size: "Size", rays: (count) => `made of ${count} rays`,
     trust: "Trust", why: "errors and notices",
@@ -220,8 +223,8 @@ export const words = {
 
   view: {
     title: "The lamp",
-    canvas: "Picture of the lamp. Arrow keys turn it, plus and minus zoom, 0 shows all of it, Shift with arrow keys moves the reading point, Enter reads the value.",
-    help: "Drag to turn, wheel or pinch to zoom, Shift and drag to move. Keys: arrows, + and −, 0; Shift and arrows move the reading point, Enter says its value.",
+    canvas: "Picture of the lamp. Arrow keys turn it, Alt with arrow keys moves what is looked at, plus and minus zoom, 0 shows all of it, Shift with arrow keys moves the reading point, Enter reads the value.",
+    help: "Drag to turn, wheel or pinch to zoom, Shift and drag to move. Keys: arrows turn, Alt and arrows move, + and − zoom, 0 shows all; Shift and arrows move the reading point, Enter says its value.",
     mode: "Show",
     modes: { seen: "as seen from here, false colour", true: "as seen from here, true colour", exitance: "exitance of the surface", zones: "zones", stages: "how the surface was made" },
     range: "Scale",
@@ -260,7 +263,7 @@ export const words = {
   quality: {
     title: "Can this model be trusted?",
     levels: { good: "Good", fair: "Fair", poor: "Rough" },
-    sentence: (worst, view, better, all) => `A model made of a part of the rays was compared with rays it had not seen: it is off by at most ${worst} (${view}). In ${better} of ${all} views it is nearer to the truth than its own rays.`,
+    sentence: (worst, view, better, all) => `A model made of a part of the rays was compared with rays it had not seen: its r.m.s. error is ${worst} in the worst of ${all} views (${view}). In ${better} of ${all} views it is nearer to the truth than its own rays. Planes and the far field are counted; spectra and the source as seen are left out of this count and stand in the table.`,
     none: "There were too few rays to compare the model with rays it was not made of.",
     how: (training, judging) => `Made of ${training} rays, judged by ${judging} others; root mean squares, the judges' own noise taken out. With all rays the model is better than that.`,
     table: "Errors of the model and of its rays",
@@ -308,7 +311,7 @@ export const words = {
     seed: "Seed",
     seedHint: "Any whole number.",
     size: (count, size) => `${count} rays are a file of ${size}.`,
-    wrong: "Give whole numbers: 1 or more rays, and a seed.",
+    wrong: "Give whole numbers: 1 to 10¹² rays, and a seed from 0 to 2⁶⁴ − 1.",
     draw: "Draw new rays",
     begun: "The rays are drawn while they are downloaded.",
   },
@@ -323,5 +326,6 @@ export const words = {
     again: "The same model from the same files",
     copy: "Copy",
     copied: "Copied.",
+    notCopied: "The browser does not let this page copy.",
   },
 };
