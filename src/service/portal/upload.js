@@ -45,8 +45,8 @@ export class Transfer {
     const { signal } = stop;
     this.become("waiting", { problem: null });
     if (!this.url && !(await this.insist(signal, () => this.create()))) return;
-    if (this.state === "cancelled") return void (await this.drop());
-    await alone(this.url, signal, () => this.goOn(signal));
+    if (this.state === "cancelled") await this.drop();
+    else await alone(this.url, signal, () => this.goOn(signal));
   }
 
   /** Sends what the service does not have yet. No other tab does. */
@@ -65,7 +65,8 @@ export class Transfer {
       try {
         await act(() => { pause = 1000; });
         return true;
-      } catch (error) {
+      } catch (failed) {
+        const error = this.url && UNKNOWN.includes(failed.status) ? await this.told(failed) : failed;
         if (signal.aborted) return false;
         if (this.url && UNKNOWN.includes(error.status)) return this.miss();
         if (!(error instanceof Problem) || !PASSING.includes(error.status)) return this.give(error);
@@ -99,10 +100,15 @@ export class Transfer {
     this.sent = Number(answer.headers.get("Upload-Offset"));
   }
 
-  /** The service does not know the upload: refused, which its record tells, or gone. A new one is begun by nobody but a person. */
+  /** Why the service does not take the upload any more: its record has the problem of a refused one; `failed` where it tells nothing. */
+  async told(failed) {
+    const { problem } = await ask(this.url).then((found) => found.json()).catch((error) => ({ problem: error }));
+    if (!problem) return failed;
+    return problem instanceof Problem ? problem : new Problem(422, problem);
+  }
+
+  /** The upload is gone. A new one is begun by nobody but a person. */
   async miss() {
-    const known = await ask(this.url).then((found) => found.json()).catch(() => null);
-    if (known?.problem) return this.give(new Problem(422, known.problem));
     await release(this.url);
     this.become("unknown");
     return false;
