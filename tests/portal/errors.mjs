@@ -56,7 +56,7 @@ export async function an_upload_that_is_not_known_any_more_is_begun_anew_only_wh
   await page.goto("about:blank");
   await service.ask(new URL(location, service.url).pathname, { method: "DELETE", headers: { "Tus-Resumable": "1.0.0" } });
   await page.goto(`${service.url}/`);
-  await page.getByText("Not known here any more; send it again?").waitFor();
+  await page.locator(".transfer").getByText("Not known here any more; send it again?").waitFor();
   await accessible(page, "an upload that is gone");
   assert.equal(page.told.begun, 1);
   assert.deepEqual((await service.ask("/v1/ray-sets")).ray_sets, []);
