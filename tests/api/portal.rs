@@ -2,6 +2,7 @@
 
 use axum::body::Body;
 use axum::http::{Method, StatusCode};
+use pipeline::vocabulary::spectrum::color_matching;
 use service::Config;
 use service::forwarded::Prefix;
 use std::collections::BTreeMap;
@@ -81,6 +82,29 @@ fn the_files_stay_short_and_ask_nothing_of_other_places() {
         let named = text.replace("http://www.w3.org/2000/svg", "");
         assert!(!named.contains("http://") && !named.contains("https://"), "{name} names another place");
         assert!(!text.contains("innerHTML"), "{name}: text becomes markup");
+    }
+}
+
+/// Colours of the pages are those of the service: the pages' observer is every fifth row of the table.
+#[test]
+fn the_observer_of_the_pages_is_every_fifth_row_of_the_table() {
+    let text = &source()["cie.js"];
+    assert!(text.contains("FIRST_NM = 360;") && text.contains("STEP_NM = 5;"));
+    let (_, rows) = text.split_once("CMF = [").unwrap();
+    let numbers: Vec<f64> = rows
+        .split(['[', ']', ',', ';'])
+        .map(str::trim)
+        .filter(|word| !word.is_empty())
+        .map(|word| word.parse().unwrap_or_else(|error| panic!("{word}: {error}")))
+        .collect();
+    let rows: Vec<&[f64]> = numbers.chunks(3).collect();
+    // 360 to 830 nm.
+    assert_eq!(rows.len(), 95);
+    for (k, row) in rows.iter().enumerate() {
+        let nm = 360.0 + 5.0 * k as f64;
+        for (own, table) in row.iter().zip(color_matching(nm)) {
+            assert!((own - table).abs() <= 1e-12 * table.abs(), "{nm} nm: {own}, the table has {table}");
+        }
     }
 }
 

@@ -23,6 +23,12 @@ export async function a_reload_in_mid_upload_goes_on(scene) {
     if (request.method() === "POST" && request.url().endsWith("/v1/uploads")) begun.push(request.url());
     if (request.method() === "PATCH") offsets.push(Number(request.headers()["upload-offset"]));
   });
+  // What the service has not stored yet when the page asks anew is sent again: on a busy machine that may be all of it.
+  await page.route("**/v1/uploads/*", async (route) => {
+    const stored = async () => Number((await fetch(route.request().url(), { method: "HEAD", headers: { "Tus-Resumable": "1.0.0" } })).headers.get("Upload-Offset"));
+    if (route.request().method() === "HEAD") while (!(await stored())) await new Promise((resolve) => { setTimeout(resolve, 100); });
+    await route.continue();
+  });
   await page.setInputFiles("#files", file);
   await page.waitForFunction(() => document.querySelector(".transfer progress")?.value > 0.3);
   await page.reload();
@@ -32,6 +38,57 @@ export async function a_reload_in_mid_upload_goes_on(scene) {
   assert.ok(offsets.length > 1 && offsets.at(-1) > 0, `it went on at ${offsets}`);
   const { ray_sets: sets } = await service.ask("/v1/ray-sets");
   assert.deepEqual(sets.map(({ byte_count: bytes }) => bytes), [file.buffer.length]);
+  calm(page);
+}
+
+/** Begins an upload that is slow, and counts uploads begun and pieces sent by any page of the tab's profile. */
+async function slowly(page) {
+  const link = await page.context().newCDPSession(page);
+  await link.send("Network.enable");
+  await link.send("Network.emulateNetworkConditions", { offline: false, latency: 0, downloadThroughput: -1, uploadThroughput: 400_000 });
+  const told = { begun: 0, pieces: 0 };
+  page.context().on("request", (request) => {
+    if (request.method() === "POST" && request.url().endsWith("/v1/uploads")) told.begun += 1;
+    if (request.method() === "PATCH") told.pieces += 1;
+  });
+  await page.setInputFiles("#files", sample("flat-chip", 100_000));
+  await page.waitForFunction(() => document.querySelector(".transfer progress")?.value > 0.3);
+  return told;
+}
+
+export async function an_upload_that_is_not_known_any_more_is_begun_anew_only_when_asked_for(scene) {
+  const { page, service } = await begin(scene);
+  const [location] = await Promise.all([page.waitForResponse((answer) => answer.request().method() === "POST" && answer.url().endsWith("/v1/uploads")).then((answer) => answer.headerValue("location")), slowly(page).then((told) => { page.told = told; })]);
+  await page.goto("about:blank");
+  await service.ask(new URL(location, service.url).pathname, { method: "DELETE", headers: { "Tus-Resumable": "1.0.0" } });
+  await page.goto(`${service.url}/`);
+  await page.locator(".transfer").getByText("Not known here any more; send it again?").waitFor();
+  await accessible(page, "an upload that is gone");
+  assert.equal(page.told.begun, 1);
+  assert.deepEqual((await service.ask("/v1/ray-sets")).ray_sets, []);
+  await page.getByRole("button", { name: "Send it again" }).click();
+  await page.getByText("Fit for a model.").waitFor();
+  assert.equal(page.told.begun, 2);
+  // Nothing is kept for a page that comes later.
+  await page.goto("about:blank");
+  await page.goto(`${service.url}/`);
+  await page.getByRole("link", { name: "flat-chip.tm25ray" }).first().waitFor();
+  assert.equal(await page.locator(".transfer").count(), 0);
+  calm(page);
+}
+
+export async function a_second_tab_does_not_send_what_the_first_is_sending(scene) {
+  const { page, service } = await begin(scene);
+  const told = await slowly(page);
+  const second = await page.context().newPage();
+  scene.pages.push(second);
+  second.seen = [];
+  second.setDefaultTimeout(180_000);
+  await second.goto(`${service.url}/`);
+  await second.locator(".transfer").getByText("Begins:").waitFor();
+  await page.getByText("Fit for a model.").waitFor();
+  await second.locator(".transfer").getByText("Another tab has seen to it.").waitFor();
+  assert.deepEqual(told, { begun: 1, pieces: 1 });
   calm(page);
 }
 

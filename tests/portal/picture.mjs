@@ -1,14 +1,13 @@
 // What the pictures show, against closed forms: read back from the canvas.
 import assert from "node:assert/strict";
-import { open } from "./browser.mjs";
-import { sample, Service } from "./service.mjs";
+import { calm, open } from "./browser.mjs";
+import { bareText, sample, Service } from "./service.mjs";
 
 /** The page of a model of a known source. */
-async function modelOf(scene, name, rays) {
+async function modelOf(scene, name, { buffer }, declared = "") {
   const service = await Service.start();
   scene.services.push(service);
-  const { buffer } = sample(name, rays);
-  const taken = await service.ask(`/v1/ray-sets?name=${name}`, { method: "POST", body: buffer });
+  const taken = await service.ask(`/v1/ray-sets?name=${name}${declared}`, { method: "POST", body: buffer });
   const job = await service.ask("/v1/jobs", { method: "POST", body: JSON.stringify({ channels: [{ ray_set: taken.ray_sets[0].id }] }), headers: { "Content-Type": "application/json" } });
   const page = await open(scene.browser, service);
   scene.pages.push(page);
@@ -50,7 +49,7 @@ async function seen(page, c, gamma) {
 }
 
 export async function a_flat_chip_is_equally_bright_from_everywhere(scene) {
-  const page = await modelOf(scene, "flat-chip", 400_000);
+  const page = await modelOf(scene, "flat-chip", sample("flat-chip", 400_000));
   const facts = await page.locator(".facts").textContent();
   const [, lm] = /Flux([\d.]+) lm/.exec(facts);
   // A Lambertian square of 1 mm²: L = M/π = Φ/(π mm²) in every direction.
@@ -67,7 +66,7 @@ export async function a_flat_chip_is_equally_bright_from_everywhere(scene) {
 }
 
 export async function a_glowing_cylinder_adds_up_along_the_line_of_sight(scene) {
-  const page = await modelOf(scene, "cylinder", 400_000);
+  const page = await modelOf(scene, "cylinder", sample("cylinder", 400_000));
   const facts = await page.locator(".facts").textContent();
   const [, lm] = /Flux([\d.\u202f]+) lm/.exec(facts);
   // j = Φ/(4π V) with V = π r² h, and the line through the axis at right angles to it is 2 r long: r = 0.5 mm, h = 4 mm.
@@ -76,4 +75,55 @@ export async function a_glowing_cylinder_adds_up_along_the_line_of_sight(scene) 
   console.log(`  ${(luminance / 1e6).toFixed(2)} Mcd/m², exact ${(exact / 1e6).toFixed(2)}`);
   // Measured: 2.3 %, the error of the lattice of the volume.
   assert.ok(Math.abs(luminance / exact - 1) < 0.04, `${luminance} cd/m², exact ${exact}`);
+}
+
+export async function an_infrared_lamp_is_shown_in_watts(scene) {
+  const page = await modelOf(scene, "infrared", bareText(60_000, 940), "&length_unit=mm&quantity=radiant&columns=x,y,z,l,m,n,flux,wavelength_nm");
+  const facts = await page.locator(".facts").textContent();
+  // 1 W from a Lambertian square: I = 1/π W/sr on its axis; the noise of 60 000 rays is below a tenth of it.
+  assert.match(facts, /Flux1\.000 W/);
+  assert.match(facts, /Colourno visible light/);
+  const [, peak] = /Peak intensity([\d.]+) W\/sr/.exec(facts) ?? assert.fail(facts);
+  assert.ok(Math.abs(Number(peak) * Math.PI - 1) < 0.1, facts);
+  await page.locator("section.card p", { hasText: "no visible light" }).waitFor();
+  const box = await page.locator("canvas.lamp").boundingBox();
+  await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
+  await page.waitForFunction(() => /W\/\(mm² sr\) · zone 0 · at/.test(document.querySelector("#reading").textContent));
+  // L = M/π = 1/π W/(mm² sr).
+  const seen = await page.evaluate(() => {
+    const { view } = document.querySelector("canvas.lamp");
+    Object.assign(view.camera, { c: 0, gamma: 20 });
+    view.moving = 0;
+    view.render();
+    return view.valueAt(0.5, 0.5);
+  });
+  assert.equal(seen.unit, "W/(mm² sr)");
+  assert.ok(Math.abs(seen.value * Math.PI - 1) < 0.1, JSON.stringify(seen));
+  assert.deepEqual(await page.locator(".view select").first().locator("option").evaluateAll((all) => all.map(({ value }) => value)), ["seen", "exitance", "zones", "stages"]);
+  calm(page);
+}
+
+export async function sections_are_bilinear_and_typed_numbers_plain(scene) {
+  const service = await Service.start();
+  scene.services.push(service);
+  const page = await open(scene.browser, service);
+  scene.pages.push(page);
+  const found = await page.evaluate(async () => {
+    const app = new URL(document.querySelector("script[type=module]").src);
+    const { Directions, section } = await import(new URL("goniogram.js", app));
+    const { typed } = await import(new URL("numbers.js", app));
+    const frame = { axes_in_source: { x: [1, 0, 0], y: [0, 1, 0], z: [0, 0, 1] } };
+    const directions = new Directions({ frame }, { c_deg: [0, 120, 240], gamma_deg: [0, 90, 180], interpolation_weight_sr: [1, 1, 1] });
+    return {
+      points: section([[8, 12, 0], [8, 24, 0], [8, 48, 0]], directions, 90),
+      typed: ["1200", "98.5", "0,5", "12,25", "0,125", "1 200", "1,200", "98 lm", "1,200.5", "-3", "0x10", ""].map((text) => [text, typed(text)]),
+    };
+  });
+  // C 90° is three quarters of the way from 0° to 120°, C 270° one quarter of that from 240° to 0°.
+  assert.deepEqual(found.points.map(([gamma, value]) => [gamma, Math.round(1e9 * value) / 1e9]), [[-180, 0], [-90, 39], [0, 8], [90, 21], [180, 0]]);
+  assert.deepEqual(found.typed, [
+    ["1200", 1200], ["98.5", 98.5], ["0,5", 0.5], ["12,25", 12.25], ["0,125", 0.125], ["1 200", 1200],
+    ["1,200", null], ["98 lm", null], ["1,200.5", null], ["-3", null], ["0x10", null], ["", null],
+  ]);
+  calm(page);
 }

@@ -73,8 +73,8 @@ export function sample(name, rays) {
   return { name: `${name}.tm25ray`, mimeType: "application/octet-stream", buffer: bytes };
 }
 
-/** A text that says nothing of itself: columns without names, neither unit nor W or lm. A Lambertian square of side 1 and flux 1. */
-export function bareText(rays) {
+/** A text that says nothing of itself: columns without names, neither unit nor W or lm. A Lambertian square of side 1 and flux 1, of one wavelength. */
+export function bareText(rays, nm = 450) {
   let state = 1;
   // Park and Miller's generator: the same file each time.
   const random = () => {
@@ -85,7 +85,7 @@ export function bareText(rays) {
     const [share, turn] = [random(), 2 * Math.PI * random()];
     const across = Math.sqrt(share);
     const direction = [across * Math.cos(turn), across * Math.sin(turn), Math.sqrt(1 - share)];
-    return [random() - 0.5, random() - 0.5, 0, ...direction].map((value) => value.toFixed(7)).concat((1 / rays).toExponential(9), "450").join(" ");
+    return [random() - 0.5, random() - 0.5, 0, ...direction].map((value) => value.toFixed(7)).concat((1 / rays).toExponential(9), nm).join(" ");
   });
   return { name: "bare.txt", mimeType: "text/plain", buffer: Buffer.from(`${lines.join("\n")}\n`) };
 }

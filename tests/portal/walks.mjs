@@ -88,6 +88,19 @@ export async function by_keyboard_alone_with_the_built_in_sample(scene) {
   await page.keyboard.press("Enter");
   await page.locator("canvas.lamp").waitFor();
   await tabTo(page, "Picture of the lamp");
+  // What is looked at moves to the right in the picture and up, as far as a twentieth of its height each; 0 brings it back.
+  const target = () => page.evaluate(() => document.querySelector("canvas.lamp").view.camera.target);
+  const middle = await target();
+  for (const key of ["ArrowRight", "ArrowUp"]) await page.keyboard.press(`Alt+${key}`);
+  const moved = await target();
+  const { distance, tall } = await page.evaluate(() => {
+    const { camera, canvas } = document.querySelector("canvas.lamp").view;
+    return { distance: camera.distance, tall: camera.matrices(canvas.clientWidth / canvas.clientHeight).tall };
+  });
+  const far = Math.hypot(...moved.map((value, k) => value - middle[k]));
+  assert.ok(Math.abs(far / (2 * distance * tall * 0.05 * Math.SQRT2) - 1) < 1e-6, `${middle} to ${moved}`);
+  await page.keyboard.press("0");
+  assert.deepEqual(await target(), middle);
   const whence = () => page.locator(".whence").textContent();
   const before = await whence();
   // The camera looks from γ 40° down to the axis: to the green chip's corner of the four.
@@ -119,6 +132,9 @@ export async function two_files_become_one_source_with_shares(scene) {
   await page.getByText("One source of 2 files").waitFor();
   for (const [k, share] of ["30", "70"].entries()) {
     await page.getByLabel("Flux of this file").nth(k).selectOption("luminous_share");
+    await page.getByLabel("Value").nth(k).fill("1,200");
+    await page.locator(".estimate").getByText(/the value of its flux, a plain number/).waitFor();
+    assert.equal(await page.getByLabel("Value").nth(k).getAttribute("aria-invalid"), "true");
     await page.getByLabel("Value").nth(k).fill(share);
   }
   await page.getByLabel("Total flux of the source").selectOption("luminous_lm");

@@ -1,8 +1,8 @@
 // One ray file of a source: its verdicts in plain words, its drawings, and what is asked of it.
 import { address, ask, json } from "./api.js";
-import { button, confirmed, field, h, problem, put, select } from "./dom.js";
+import { amount, button, confirmed, field, h, problem, put, select } from "./dom.js";
 import { key } from "./keys.js";
-import { bytes, count, significant } from "./numbers.js";
+import { bytes, count, significant, typed } from "./numbers.js";
 import { notice } from "./quality.js";
 import { words } from "./words.js";
 
@@ -30,7 +30,7 @@ export function channel(set, isOne, onchange) {
     declarations(set, said, isOne, onchange),
     texts(set.header.texts));
   asked.onanswer(show);
-  return { element, claims: () => claims(set, said), missing: () => asked.missing(), needs: asked };
+  return { element, claims: () => claims(set, said), missing: () => [...asked.missing(), ...(said.flux && !(typed(said.fluxValue) > 0) ? [words.channel.fluxMissing] : [])], needs: asked };
 }
 
 /** What the file gives of light. */
@@ -119,7 +119,7 @@ function declarations(set, said, isOne, onchange) {
       put(status, problem(error));
     }
   };
-  const value = h("input", { inputmode: "decimal", "aria-label": words.channel.fluxValue, disabled: true, oninput: (event) => { said.fluxValue = event.target.value; onchange(); } });
+  const value = amount((text) => { said.fluxValue = text; onchange(); });
   const kind = select(words.channel.fluxes, "", (chosenKind) => {
     said.flux = chosenKind;
     value.disabled = !chosenKind;
@@ -128,18 +128,18 @@ function declarations(set, said, isOne, onchange) {
   const file = h("input", { type: "file", onchange: load });
   return h("details", { open: !isOne }, h("summary", {}, words.channel.more),
     h("div", { class: "row" },
-      field(words.channel.flux, kind, words.channel.fluxHint), field(words.channel.fluxValue, value),
+      field(words.channel.flux, kind, words.channel.fluxHint), field(words.channel.fluxValue, value, words.typed),
       h("div", {}, field(words.channel.spectrum, file, words.channel.spectrumHint), h("p", { class: "hint" }, chosen))),
     status);
 }
 
 function claims(set, said) {
-  const number = Number(said.fluxValue.replace(",", "."));
+  const number = typed(said.fluxValue);
   return {
     ray_set: set.id,
     ...(said.length_unit ? { length_unit: said.length_unit } : {}),
     ...(said.quantity ? { quantity: said.quantity } : {}),
-    ...(said.flux && number > 0 ? { flux: { [said.flux]: said.flux.endsWith("share") && number > 1 ? number / 100 : number } } : {}),
+    ...(said.flux && number > 0 ? { flux: { [said.flux]: said.flux.endsWith("share") ? number / 100 : number } } : {}),
     ...(said.spectrum ? { spectrum: said.spectrum } : {}),
   };
 }

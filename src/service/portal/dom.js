@@ -1,4 +1,5 @@
 // Elements, announcements and dialogs: the only module that makes elements, so that no text ever becomes markup.
+import { typed } from "./numbers.js";
 import { words } from "./words.js";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -60,6 +61,14 @@ export function select(options, value, onchange) {
     options.map(([key, text]) => h("option", { value: key, selected: key === value }, text)));
   made.value = value;
   return made;
+}
+
+/** A place for a number above 0; what is none is marked as wrong. Disabled until it is asked for. */
+export function amount(onchange) {
+  return h("input", { inputmode: "decimal", autocomplete: "off", disabled: true, oninput: ({ target }) => {
+    target.setAttribute("aria-invalid", target.value !== "" && !(typed(target.value) > 0));
+    onchange(target.value);
+  } });
 }
 
 export function button(text, onclick, kind = "") {

@@ -5,12 +5,16 @@ import { key } from "./keys.js";
 import { bytes, count, percent } from "./numbers.js";
 import { words } from "./words.js";
 
+/** Answers that a parameter of the query is at fault for. An answer to HEAD has no body, and so no code. */
+const PARAMETERS = [400, 422];
+/** So long nobody has typed. */
+const SOON_MS = 300;
 const EXTENSIONS = { tm25: "tm25ray", zemax: "dat", lighttools: "ray" };
 
 /** The files of a finished job. */
 export async function downloads(job, title) {
   const { artifacts, zip } = await json(job.links.artifacts);
-  const told = h("p", { class: "hint", role: "status" });
+  const told = h("div", { class: "hint" });
   const take = (file, filename) => async () => {
     await save(file.href, filename, (come, length) => { told.textContent = words.downloads.come(bytes(come), length ? percent(come / length) : ""); })
       .catch((error) => put(told, problem(error)));
@@ -33,29 +37,32 @@ export async function downloads(job, title) {
 export function newRays(job) {
   const path = job.links.artifacts.replace(/\/artifacts$/, "/rays");
   const wanted = { count: "10000000", format: "tm25", seed: "1" };
-  const size = h("p", { role: "status", class: "hint" });
-  let latest = 0;
+  const size = h("div", { class: "hint" });
+  let [latest, soon] = [0, null];
   const query = () => `${path}?count=${wanted.count}&seed=${wanted.seed}&format=${wanted.format}`;
+  const isWhole = () => /^[1-9]\d{0,12}$/.test(wanted.count) && /^\d{1,20}$/.test(wanted.seed);
   const measure = async () => {
     latest += 1;
     const mine = latest;
-    if (!/^[1-9]\d{0,11}$/.test(wanted.count) || !/^\d{1,19}$/.test(wanted.seed)) return put(size, words.rays.wrong);
+    if (!isWhole()) return put(size, words.rays.wrong);
     try {
       const answer = await ask(query(), { method: "HEAD" });
       const length = Number(answer.headers.get("Content-Length"));
       if (mine === latest) put(size, words.rays.size(count(Number(wanted.count)), bytes(length)));
     } catch (error) {
-      if (mine === latest) put(size, error.code || error.status ? words.rays.wrong : error.message);
+      if (mine === latest) put(size, PARAMETERS.includes(error.status) ? words.rays.wrong : problem(error));
     }
   };
   const set = (name) => (value) => {
     wanted[name] = value.replaceAll(/[\s\u202f_]/g, "");
-    measure();
+    clearTimeout(soon);
+    soon = setTimeout(measure, SOON_MS);
   };
   const input = (name, label, hint) => field(label, h("input", { inputmode: "numeric", value: wanted[name], oninput: (event) => set(name)(event.target.value) }), hint);
   const draw = async () => {
+    if (!isWhole()) return put(size, words.rays.wrong);
     announce(words.rays.begun);
-    await save(query(), `rays-${wanted.count}.${EXTENSIONS[wanted.format]}`, (come, length) => put(size, words.downloads.come(bytes(come), length ? percent(come / length) : "")))
+    return save(query(), `rays-${wanted.count}.${EXTENSIONS[wanted.format]}`, (come, length) => put(size, words.downloads.come(bytes(come), length ? percent(come / length) : "")))
       .catch((error) => put(size, problem(error)));
   };
   measure();
@@ -84,7 +91,7 @@ export function commands(job) {
     h("details", {}, h("summary", {}, words.commands.show),
       lines.map(([text, command]) => h("div", { class: "command" }, h("p", {}, text),
         h("pre", { tabindex: 0, "aria-label": text }, command),
-        navigator.clipboard ? button(words.commands.copy, async () => { await navigator.clipboard.writeText(command); announce(words.commands.copied); }) : null))));
+        navigator.clipboard ? button(words.commands.copy, () => navigator.clipboard.writeText(command).then(() => announce(words.commands.copied), () => announce(words.commands.notCopied))) : null))));
 }
 
 /** The body of the request that makes an equal job: without what is not said. */

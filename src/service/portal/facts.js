@@ -5,9 +5,9 @@ import { halfWidth, section } from "./goniogram.js";
 import { count, significant } from "./numbers.js";
 import { words } from "./words.js";
 
-/** The intensities of an entry, and their unit: luminous where known. */
-export function intensities(entry) {
-  return entry.luminous_intensity_cd
+/** The intensities of an entry, and their unit: luminous where the lamp is. */
+export function intensities(lamp, entry) {
+  return lamp.isLuminous
     ? { grid: entry.luminous_intensity_cd, unit: "cd" }
     : { grid: entry.radiant_intensity_W_per_sr, unit: "W/sr" };
 }
@@ -19,19 +19,26 @@ function fact(name, value, more, mark) {
 /** The headline of a model: a list of facts. */
 export function headline(lamp, trust) {
   const { total, source } = lamp.goniograms;
-  const { grid, unit } = intensities(total);
-  const peak = total.max_intensity;
-  const value = peak.value_cd ?? peak.value_W_per_sr;
+  const { grid, unit } = intensities(lamp, total);
+  const peak = greatest(grid, lamp.directions);
   const widths = [0, 90].map((c) => halfWidth(section(grid, lamp.directions, c)));
   const fluxes = [[total.flux_lm, "lm"], [total.flux_W, "W"]].filter(([flux]) => flux !== null && flux !== undefined);
+  if (!lamp.isLuminous) fluxes.reverse();
   const size = lamp.box.min.map((low, k) => significant(lamp.box.max[k] - low, 3));
   return h("dl", { class: "facts" },
     fact(words.facts.flux, fluxes.map(([flux, name]) => `${significant(flux, 4)} ${name}`)[0] ?? "–", fluxes.slice(1).map(([flux, name]) => `${significant(flux, 4)} ${name}`).join(", ")),
-    fact(words.facts.peak, `${significant(value, 4)} ${unit}`, words.facts.at(significant(peak.c_deg, 3), significant(peak.gamma_deg, 3))),
+    fact(words.facts.peak, `${significant(peak.value, 4)} ${unit}`, words.facts.at(significant(peak.c, 3), significant(peak.gamma, 3))),
     fact(words.facts.beam, widths.every((width) => width === null) ? words.facts.noBeam : widths.map((width) => (width === null ? "–" : `${significant(width, 3)}°`)).join(" × "), words.facts.beamOf),
     colourFact(lamp),
     fact(words.facts.size, `${size.join(" × ")} mm`, words.facts.rays(count(source.ray_count))),
     trust ? fact(words.facts.trust, trust.short, h("a", { href: "#quality", onclick: (event) => { event.preventDefault(); document.getElementById("quality").focus(); document.getElementById("quality").scrollIntoView(); } }, words.facts.why)) : null);
+}
+
+/** The node of the greatest intensity, the first of equal ones: as `max_intensity` of the file, which has no W/sr where lm are known. */
+function greatest(grid, { c, gamma }) {
+  let best = { value: -1 };
+  grid.forEach((row, j) => row.forEach((value, k) => { if (value > best.value) best = { value, c: c[j], gamma: gamma[k] }; }));
+  return best;
 }
 
 /** Its chromaticity, and the temperature or wavelength people call it by. */
@@ -39,6 +46,7 @@ function colourFact(lamp) {
   const xyz = tristimulus(lamp, lamp.goniograms.total);
   if (!xyz) return fact(words.facts.colour, words.facts.unknown, words.facts.needsSpectrum);
   const point = chromaticity(xyz);
+  if (!point) return fact(words.facts.colour, words.facts.dark, null);
   const warm = temperature(point);
   const nm = warm ? null : dominant(point);
   const mark = h("span", { class: "swatch", "aria-hidden": "true" });

@@ -78,13 +78,12 @@ function coloured(entry, directions, spectrum, weigh) {
   return sums.map((sum, axis) => (sum > 0 ? at(axis) : null));
 }
 
-/** A half-plane pair: intensities from γ = 0 out to `cDeg` and to the other side, `[signed γ, intensity]` in order. */
+/**
+ * A half-plane pair: intensities from γ = 0 out to `cDeg` and to the other side, `[signed γ, intensity]` in order; between C planes,
+ * bilinear as everywhere.
+ */
 export function section(grid, directions, cDeg) {
-  const side = (c) => {
-    const count = directions.c.length;
-    const j = Math.round((((c % 360) + 360) % 360) / (360 / count)) % count;
-    return directions.gamma.map((gamma, k) => [gamma, grid[j][k]]);
-  };
+  const side = (c) => directions.gamma.map((gamma) => [gamma, directions.nodes(c, gamma).reduce((sum, [j, k, weight]) => sum + weight * grid[j][k], 0)]);
   const back = side(cDeg + 180).slice(1).reverse().map(([gamma, value]) => [-gamma, value]);
   return [...back, ...side(cDeg)];
 }

@@ -94,6 +94,7 @@ async function recent(models, raySets) {
 async function listed(section, path, member, none, show) {
   const place = h("ul", { class: "cards" });
   const more = h("div", { class: "row" });
+  const failed = h("div", {});
   let [entries, limit] = [[], SHOWN];
   const fetchAll = async () => {
     const page = await json(`${path}?limit=${limit}`);
@@ -101,14 +102,18 @@ async function listed(section, path, member, none, show) {
     if (place.contains(document.activeElement)) return;
     entries = page[member];
     await show(entries, place);
-    put(more, page.next && limit < MOST_SHOWN ? button(words.home.more, async () => { limit = Math.min(limit + 4 * SHOWN, MOST_SHOWN); await fetchAll(); }) : null);
+    put(more, page.next && limit < MOST_SHOWN ? button(words.home.more, () => { limit = Math.min(limit + 4 * SHOWN, MOST_SHOWN); return fetchAgain(); }) : null);
   };
+  /** Whether asking once more may help: not without a key. What went wrong stands below the list until it is mended. */
+  const fetchAgain = () => fetchAll().then(() => { put(failed); return true; }, (error) => {
+    put(failed, problem(error));
+    return error.status !== 401;
+  });
   await fetchAll();
-  put(section, section.firstChild, entries.length ? [place, more] : h("p", { class: "hint" }, none), member === "ray_sets" && entries.length ? joining : null);
+  put(section, section.firstChild, entries.length ? [place, failed, more] : h("p", { class: "hint" }, none), member === "ray_sets" && entries.length ? joining : null);
   while (entries.some(({ state }) => state === "queued" || state === "running")) {
     await sleep(LOOK_AGAIN_MS);
-    if (!section.isConnected) return;
-    await fetchAll().catch(() => {});
+    if (!section.isConnected || !(await fetchAgain())) return;
   }
 }
 

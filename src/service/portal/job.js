@@ -19,7 +19,7 @@ async function progress(page, job, signal) {
   const name = nameOf(job, new Map(sets.map((set) => [set.id, set.name])));
   document.title = words.title(name);
   const whole = bar(words.job.whole);
-  const told = h("p", { class: "big", role: "status" });
+  const told = h("p", { class: "big" });
   const lost = h("p", { class: "problem", role: "alert", hidden: true }, words.job.lost);
   const stages = h("ol", { class: "stages" }, job.stages.map((stage) => h("li", { "data-stage": stage.name }, h("span", {}, words.job.stages[stage.name] ?? stage.name), h("span", { class: "done" }))));
   const failed = h("div", {});
@@ -40,7 +40,8 @@ async function progress(page, job, signal) {
       const isNow = item.dataset.stage === stage;
       if (isNow) isBefore = false;
       item.className = isNow ? "now" : isBefore ? "past" : "";
-      item.toggleAttribute("aria-current", isNow);
+      if (isNow) item.setAttribute("aria-current", "step");
+      else item.removeAttribute("aria-current");
       item.lastChild.textContent = isNow ? percent(fraction) : isBefore ? "✓" : "";
     }
     if (spoken !== stage) {

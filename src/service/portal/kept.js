@@ -29,4 +29,6 @@ async function within(mode, action) {
 
 export const keep = (upload) => within("readwrite", (store) => store.put(upload));
 export const release = (url) => within("readwrite", (store) => store.delete(url));
+/** Whether an upload is still unfinished: another tab may have seen to it. */
+export const isKept = async (url) => Boolean(await within("readonly", (store) => store.getKey(url)));
 export const kept = async () => (await within("readonly", (store) => store.getAll())) ?? [];

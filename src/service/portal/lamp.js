@@ -3,8 +3,9 @@ import { weigher } from "./colour.js";
 import { parseGlb } from "./glb.js";
 import { Directions, normalised } from "./goniogram.js";
 
-/** Places (vertices of a surface, nodes of a volume) with their light per area or volume: `[X, Y, Z, radiant]` in turn. */
-function densities(read, attributes, sizes, spectrum, extras) {
+/** Places (vertices of a surface, nodes of a volume) with their light per area or volume: `[X, Y, Z, radiant]` in turn. Light that is known in W
+ * only is grey by its W; that of a lamp whose lm are known is dark where it has none. */
+function densities(read, attributes, sizes, { spectrum, isLuminous }, extras) {
   const of = (name) => (attributes[name] === undefined ? null : read(attributes[name]));
   const [lm, w, own] = [of("_FLUX_LM"), of("_FLUX_W"), of("_XYZ_LM")];
   const bands = spectrum ? spectrum.wavelength_nm.map((_, band) => of(`_SPECTRUM_${String(band).padStart(3, "0")}`) ?? extras?.[band]) : null;
@@ -16,7 +17,7 @@ function densities(read, attributes, sizes, spectrum, extras) {
     if (own) xyz = [own[3 * place], own[3 * place + 1], own[3 * place + 2]];
     else if (bands?.[0]) xyz = weigh(bands.map((band) => band[place]));
     const y = lm ? lm[place] : xyz[1];
-    const grey = xyz[1] > 0 ? null : y || (w ? w[place] : 0);
+    const grey = isLuminous && xyz[1] > 0 ? null : isLuminous ? y : w ? w[place] : 0;
     const [x, z] = grey === null ? [(xyz[0] * y) / xyz[1], (xyz[2] * y) / xyz[1]] : [0.9505 * grey, 1.089 * grey];
     out.set([x, grey ?? y, z, w ? w[place] : 0].map((value) => value / sizes[place]), 4 * place);
   }
@@ -39,10 +40,11 @@ export class Lamp {
     const attributes = surface.attributes;
     this.goniograms = goniograms;
     this.extras = extras;
-    this.isLuminous = attributes._FLUX_LM !== undefined || attributes._XYZ_LM !== undefined;
+    // An infrared lamp has 0 lm: it is shown in W.
+    this.isLuminous = (goniograms.total.flux_lm ?? 0) > 0;
     this.isRadiant = attributes._FLUX_W !== undefined;
     this.spectrum = goniograms.spectrum ?? extras.spectrum ?? null;
-    this.hasColour = Boolean(this.spectrum) || attributes._XYZ_LM !== undefined;
+    this.hasColour = this.isLuminous && (Boolean(this.spectrum) || attributes._XYZ_LM !== undefined);
     this.weigh = this.spectrum ? weigher(this.spectrum.band_edges_nm) : null;
     this.directions = new Directions(goniograms, goniograms.grid);
     this.positions = millimetres(read(attributes.POSITION));
@@ -51,11 +53,11 @@ export class Lamp {
     this.zoneIds = read(attributes._ZONES);
     this.zoneWeights = read(attributes._ZONE_WEIGHTS);
     this.areas = this.vertexAreas();
-    this.exitance = densities(read, attributes, this.areas, this.spectrum, listed(extras));
+    this.exitance = densities(read, attributes, this.areas, this, listed(extras));
     const total = normalised(goniograms.total, this.directions, this.spectrum, this.weigh, null);
     this.q = goniograms.zones.map((zone) => normalised(zone, this.directions, this.spectrum, this.weigh, total));
     this.total = total;
-    this.volume = extras.volume ? volumeOf(document, read, extras.volume, this.spectrum) : null;
+    this.volume = extras.volume ? volumeOf(document, read, extras.volume, this) : null;
     this.box = boxOf(this.volume ? this.volume.points : this.positions);
   }
 
@@ -155,10 +157,10 @@ function boxOf(positions) {
 }
 
 /** A volume as two dense lattices: j at nodes, and which cells are lit. */
-function volumeOf(document, read, facts, spectrum) {
+function volumeOf(document, read, facts, lamp) {
   const { attributes } = document.meshes[0].primitives[facts.primitive];
   const points = millimetres(read(attributes.POSITION));
-  const light = densities(read, attributes, read(attributes._VOLUME_MM3), spectrum, null);
+  const light = densities(read, attributes, read(attributes._VOLUME_MM3), lamp, null);
   const [nx, ny, nz] = facts.cells;
   const nodes = new Float32Array(4 * (nx + 1) * (ny + 1) * (nz + 1));
   const pitch = [facts.pitch_mm].flat();

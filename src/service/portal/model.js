@@ -1,7 +1,7 @@
 // The page of a model: the lamp to turn, its curves and colour, whether to trust it, and what to take away.
 import { ask, json } from "./api.js";
 import { polar, spectrum } from "./charts.js";
-import { button, confirmed, h, put } from "./dom.js";
+import { button, confirmed, h, problem, put } from "./dom.js";
 import { commands, downloads, newRays } from "./downloads.js";
 import { headline, intensities, tristimulus } from "./facts.js";
 import { chromaticity } from "./colour.js";
@@ -58,10 +58,10 @@ function picture(lamp, onzone) {
 /** Curves and spectrum of the whole, and of a zone where one is pointed at. */
 function charts(lamp, zone) {
   const { total, zones } = lamp.goniograms;
-  const { grid, unit } = intensities(total);
+  const { grid, unit } = intensities(lamp, total);
   const entry = zone === null ? null : zones[zone];
   const whole = [0, 90].map((c, k) => ({ name: words.charts.plane(c, c + 180), kind: ["first", "second"][k], points: section(grid, lamp.directions, c) }));
-  const own = entry ? intensities(entry).grid : null;
+  const own = entry ? intensities(lamp, entry).grid : null;
   const zoned = own ? [0, 90].map((c, k) => ({ name: words.charts.plane(c, c + 180), kind: ["first", "second"][k], points: section(own, lamp.directions, c) })) : null;
   return [
     h("section", { class: "card", "aria-labelledby": "whole-title" },
@@ -90,7 +90,7 @@ function spectra(lamp, zone) {
   const point = chromaticity(tristimulus(lamp, total));
   return h("section", { class: "card", "aria-labelledby": "spectrum-title" }, h("h2", { id: "spectrum-title" }, words.charts.spectrum),
     spectrum(words.charts.spectrum, lamp.spectrum.band_edges_nm, lists),
-    h("p", {}, words.charts.chromaticity(point.x.toFixed(4), point.y.toFixed(4), point.u.toFixed(4), point.v.toFixed(4))));
+    h("p", {}, !point ? words.facts.dark : words.charts.chromaticity(point.x.toFixed(4), point.y.toFixed(4), point.u.toFixed(4), point.v.toFixed(4))));
 }
 
 /** The same files with other options. */
@@ -102,7 +102,8 @@ function again(job) {
 export function removal(job) {
   return button(words.model.remove, async () => {
     if (!(await confirmed(words.model.remove, words.model.removeWhy, words.model.removeYes))) return;
-    await json(job.links.self, { method: "DELETE" });
-    location.hash = "#/";
+    await json(job.links.self, { method: "DELETE" })
+      .then(() => { location.hash = "#/"; })
+      .catch((error) => document.getElementById("main").prepend(problem(error)));
   }, "danger");
 }

@@ -12,6 +12,16 @@ export function significant(value, digits) {
   return part ? `${grouped}.${part}` : grouped;
 }
 
+/**
+ * A number as people type it; null for what is not one, or could be two: 1,200 is a thousand to some and one to others. Elsewhere a
+ * comma is a decimal mark. Spaces between thousands are the page's own.
+ */
+export function typed(text) {
+  const plain = text.trim().replaceAll(/(?<=\d)[ \u00a0\u202f](?=\d{3}(?!\d))/g, "");
+  if (!/^(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d{1,2})?$/i.test(plain) || /^[1-9]\d{0,2},\d{3}(e|$)/i.test(plain)) return null;
+  return Number(plain.replace(",", "."));
+}
+
 function exponent(value) {
   const [mantissa, power] = value.toExponential().split("e");
   const raised = [...String(Number(power))].map((sign) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[sign] ?? "⁻").join("");

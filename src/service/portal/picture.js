@@ -6,6 +6,11 @@ const HINTS = 2048;
 /** Colours of the stages of a hull: projected, stitched, filled. */
 const STAGES = [[0.85, 0.25, 0.22], [0.25, 0.68, 0.32], [0.25, 0.45, 0.9]];
 const MOST_LAYERS = 256;
+/**
+ * What the greatest M q becomes in a half float, which ends at 65 504: two sheets seen at the edge (1/|cos θ| up to 1000) are still
+ * held, and three digits are kept to 2e-6 of it, which is what narrow beams are from the side.
+ */
+const BRIGHTEST = 32;
 
 export class Picture {
   constructor(canvas, lamp) {
@@ -112,9 +117,8 @@ export class Picture {
       most = Math.max(most, lamp.exitance[k + 1]);
       mostW = Math.max(mostW, lamp.exitance[k + 3]);
     }
-    // What is summed is near 1, so that half floats keep three digits of it.
-    this.scale = (lamp.isLuminous ? most : mostW) / Math.PI || 1;
     this.mostExitance = lamp.isLuminous ? most : mostW;
+    this.scale = (this.mostExitance * greatestQ(lamp.q, lamp, 1 / Math.PI)) / BRIGHTEST || 1;
   }
 
   loadVolume() {
@@ -127,7 +131,7 @@ export class Picture {
     const component = this.lamp.isLuminous ? 1 : 3;
     let most = 0;
     for (let k = component; k < greatest.length; k += 4) most = Math.max(most, greatest[k]);
-    this.volumeScale = (most * Math.hypot(...pitch.map((step, k) => step * cells[k]))) / (4 * Math.PI) || 1;
+    this.volumeScale = (most * Math.hypot(...pitch.map((step, k) => step * cells[k])) * greatestQ([this.lamp.total], this.lamp, 1 / (4 * Math.PI))) / BRIGHTEST || 1;
   }
 
   /** The picture's own size; the canvas shows it as large as it is. */
@@ -282,6 +286,13 @@ export class Picture {
     const unit = this.unit(mode);
     return out.map((value) => value * unit);
   }
+}
+
+/** The greatest q of tables, 1/sr, at least `least`: a narrow beam's is far above the 1/π of a Lambertian source. */
+function greatestQ(tables, lamp, least) {
+  let most = least;
+  for (const table of tables) for (let k = lamp.isLuminous ? 1 : 3; k < table.length; k += 4) most = Math.max(most, table[k]);
+  return most;
 }
 
 const sum = (values) => values.reduce((total, value) => total + value, 0);

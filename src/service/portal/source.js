@@ -1,8 +1,8 @@
 // The inspection as a page: one ray file or several joined to one source, what is missing asked for, then Build.
 import { json } from "./api.js";
 import { channel } from "./channel.js";
-import { announce, button, field, h, problem, put, select } from "./dom.js";
-import { bytes, count, seconds } from "./numbers.js";
+import { amount, announce, button, field, h, problem, put, select } from "./dom.js";
+import { bytes, count, seconds, typed } from "./numbers.js";
 import { options } from "./options.js";
 import { notice } from "./quality.js";
 import { words } from "./words.js";
@@ -27,10 +27,13 @@ export async function sourcePage(page, ids) {
   const request = () => ({
     channels: channels.map(({ claims }) => claims()),
     options: chosen.chosen(),
-    ...(total.kind && Number(total.value) > 0 ? { total: { [total.kind]: Number(total.value) } } : {}),
+    ...(total.kind && typed(total.value) > 0 ? { total: { [total.kind]: typed(total.value) } } : {}),
     ...(chosen.priority() ? { priority: chosen.priority() } : {}),
   });
-  const missing = () => channels.flatMap(({ missing: lacks }, k) => lacks().map((what) => (sets.length > 1 ? `${sets[k].name}: ${what}` : what)));
+  const missing = () => [
+    ...channels.flatMap(({ missing: lacks }, k) => lacks().map((what) => (sets.length > 1 ? `${sets[k].name}: ${what}` : what))),
+    ...(total.kind && !(typed(total.value) > 0) ? [words.source.totalMissing] : []),
+  ];
   const build = button(words.source.build, async () => {
     build.disabled = true;
     put(failed);
@@ -70,13 +73,13 @@ export async function sourcePage(page, ids) {
 
 /** The total of the source, of which each file has its share: as a data sheet says it. */
 function totals(total, changed) {
-  const value = h("input", { inputmode: "decimal", disabled: true, oninput: (event) => { total.value = event.target.value.replace(",", "."); changed(); } });
+  const value = amount((text) => { total.value = text; changed(); });
   const kind = select(words.source.totals, "", (chosen) => {
     total.kind = chosen;
     value.disabled = !chosen;
     changed();
   });
-  return h("div", { class: "row" }, field(words.source.total, kind, words.source.totalHint), field(words.source.totalValue, value));
+  return h("div", { class: "row" }, field(words.source.total, kind, words.source.totalHint), field(words.source.totalValue, value, words.typed));
 }
 
 /** What a job would take, or that its answer is here already. */

@@ -8,6 +8,7 @@ import { words } from "./words.js";
 const list = h("ul", { class: "transfers", "aria-label": words.transfers.title });
 const all = new Set();
 let whenTaken = () => {};
+const ENDED = ["taken", "refused", "cancelled", "unknown", "elsewhere"];
 
 /** The list's element; `ontaken(raySets)` is called when all files that were sent together are there. */
 export function transfers(ontaken) {
@@ -28,14 +29,14 @@ export function send(files, declared = {}) {
 
 function begin(together) {
   const settle = () => {
-    if (together.some((transfer) => !["taken", "refused", "cancelled"].includes(transfer.state))) return;
+    if (together.some(({ state }) => !ENDED.includes(state))) return;
     const raySets = together.flatMap((transfer) => transfer.raySets);
-    if (list.isConnected && raySets.length && !together.some((transfer) => transfer.state === "refused")) whenTaken(raySets);
+    if (list.isConnected && raySets.length && !together.some(({ state }) => ["refused", "unknown"].includes(state))) whenTaken(raySets);
   };
   for (const transfer of together) {
     all.add(transfer);
     list.append(row(transfer));
-    transfer.onchange(({ state }) => { if (["taken", "refused", "cancelled"].includes(state)) settle(); });
+    transfer.onchange(({ state }) => { if (ENDED.includes(state)) settle(); });
     transfer.run();
   }
 }
@@ -58,7 +59,7 @@ function row(transfer) {
     });
     if (state === last) return;
     last = state;
-    progress.hidden = ["taken", "refused", "cancelled"].includes(state);
+    progress.hidden = ENDED.includes(state);
     if (state === "reading") progress.removeAttribute("value");
     if (state !== "sending") announce(`${file.name}: ${told.textContent}`);
     put(actions, act(transfer, remove));
@@ -78,6 +79,8 @@ function act(transfer, remove) {
       return [button(words.transfers.resume, () => transfer.run(), "first"), stop];
     case "reading":
       return [];
+    case "unknown":
+      return [button(words.transfers.sendAgain, () => transfer.sendAgain(), "first"), button(words.transfers.remove, remove)];
     default:
       return [button(words.transfers.remove, remove)];
   }

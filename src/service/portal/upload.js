@@ -1,7 +1,7 @@
 // Files on their way to the service, by tus 1.0: progress, and going on after a lost link or a reload.
 import { address, ask, problemOf, Problem, sleep } from "./api.js";
 import { askForKey, authorization, forget, key } from "./keys.js";
-import { keep, kept, release } from "./kept.js";
+import { isKept, keep, kept, release } from "./kept.js";
 import { words } from "./words.js";
 
 const TUS = { "Tus-Resumable": "1.0.0" };
@@ -11,10 +11,20 @@ const LONGEST_PAUSE_MS = 15_000;
 /** Problems that another try may solve. */
 const PASSING = [0, 408, 409, 423, 429, 500, 502, 503, 504];
 
-/** A file on its way. `state`: waiting, sending, lost, paused, reading, taken, refused, cancelled. */
+/** The service has no such upload: it was deleted, it expired, or it is that of another key. */
+const UNKNOWN = [404, 410];
+/** The key may not be the one that the upload was begun with: another may come. */
+const NOT_ALLOWED = [401, 403];
+
+/**
+ * A file on its way. `state`: waiting, sending, lost, paused, reading, taken, refused, cancelled; unknown, where the service has no
+ * upload at the file's address any more; elsewhere, where another tab has seen to it.
+ */
 export class Transfer {
   constructor(file, declared = {}, url = null) {
     Object.assign(this, { file, declared, url, state: "waiting", sent: 0, raySets: [], leftOut: [], problem: null, rate: null });
+    // Of a new upload the offset is known, and the browser does not keep it yet.
+    Object.assign(this, { isNew: false, isFromBefore: url !== null });
     this.listeners = new Set();
     this.stop = null;
   }
@@ -32,46 +42,82 @@ export class Transfer {
   async run() {
     const stop = new AbortController();
     this.stop = stop;
-    for (let pause = 1000; !stop.signal.aborted;) {
+    const { signal } = stop;
+    this.become("waiting", { problem: null });
+    if (!this.url && !(await this.insist(signal, () => this.create()))) return;
+    if (this.state === "cancelled") await this.drop();
+    else await alone(this.url, signal, () => this.goOn(signal));
+  }
+
+  /** Sends what the service does not have yet. No other tab does. */
+  async goOn(signal) {
+    if (this.isFromBefore && !(await isKept(this.url))) return this.become("elsewhere");
+    return this.insist(signal, async (onadvance) => {
+      await this.find();
+      await this.send(signal, onadvance);
+      if (!signal.aborted) await this.end(signal);
+    });
+  }
+
+  /** Acts, again and again where another try may help; whether it came to its end. */
+  async insist(signal, act) {
+    for (let pause = 1000; !signal.aborted;) {
       try {
-        await this.begin();
-        await this.send(stop.signal, () => { pause = 1000; });
-        if (!stop.signal.aborted) await this.end(stop.signal);
-        return;
-      } catch (error) {
-        if (stop.signal.aborted) return;
+        await act(() => { pause = 1000; });
+        return true;
+      } catch (failed) {
+        const error = this.url && UNKNOWN.includes(failed.status) ? await this.told(failed) : failed;
+        if (signal.aborted) return false;
+        if (this.url && UNKNOWN.includes(error.status)) return this.miss();
         if (!(error instanceof Problem) || !PASSING.includes(error.status)) return this.give(error);
         this.become("lost", { problem: error });
-        await Promise.race([sleep(pause, stop.signal), online()]);
+        await Promise.race([sleep(pause, signal), online()]);
         pause = Math.min(2 * pause, LONGEST_PAUSE_MS);
       }
     }
+    return false;
   }
 
-  async begin() {
-    if (this.url) {
-      const answer = await ask(this.url, { method: "HEAD", headers: TUS }).catch((error) => {
-        // Refused or expired: what is known of it says why.
-        if ([404, 410].includes(error.status)) return null;
-        throw error;
-      });
-      if (!answer) {
-        const known = await ask(this.url).then((found) => found.json()).catch(() => null);
-        if (known?.problem) throw new Problem(422, known.problem);
-        this.url = null;
-      } else {
-        this.sent = Number(answer.headers.get("Upload-Offset"));
-        return;
-      }
-    }
+  /** Begins a new upload: only for a file that a person has just chosen, or chosen to send again. */
+  async create() {
     const metadata = Object.entries({ filename: this.file.name, ...this.declared }).filter(([, value]) => value);
     const answer = await ask("v1/uploads", {
       method: "POST",
       headers: { ...TUS, "Upload-Length": this.file.size, "Upload-Metadata": metadata.map(([name, value]) => `${name} ${base64(value)}`).join(",") },
     });
-    this.url = new URL(answer.headers.get("Location"), address("v1/uploads")).pathname;
-    this.sent = 0;
-    await keep({ url: this.url, file: this.file, declared: this.declared });
+    const url = new URL(answer.headers.get("Location"), address("v1/uploads")).pathname;
+    Object.assign(this, { url, sent: 0, isNew: true });
+  }
+
+  /** How much of the file the service has. */
+  async find() {
+    if (this.isNew) {
+      this.isNew = false;
+      await keep({ url: this.url, file: this.file, declared: this.declared });
+      return;
+    }
+    const answer = await ask(this.url, { method: "HEAD", headers: TUS });
+    this.sent = Number(answer.headers.get("Upload-Offset"));
+  }
+
+  /** Why the service does not take the upload any more: its record has the problem of a refused one; `failed` where it tells nothing. */
+  async told(failed) {
+    const { problem } = await ask(this.url).then((found) => found.json()).catch((error) => ({ problem: error }));
+    if (!problem) return failed;
+    return problem instanceof Problem ? problem : new Problem(422, problem);
+  }
+
+  /** The upload is gone. A new one is begun by nobody but a person. */
+  async miss() {
+    await release(this.url);
+    this.become("unknown");
+    return false;
+  }
+
+  /** Sends the whole file to a new upload. */
+  sendAgain() {
+    Object.assign(this, { url: null, sent: 0, isFromBefore: false });
+    return this.run();
   }
 
   async send(signal, onadvance) {
@@ -103,8 +149,9 @@ export class Transfer {
   }
 
   async give(error) {
-    if (this.url) await release(this.url);
+    if (this.url && !NOT_ALLOWED.includes(error.status)) await release(this.url);
     this.become("refused", { problem: error });
+    return false;
   }
 
   pause() {
@@ -114,18 +161,27 @@ export class Transfer {
 
   async cancel() {
     this.stop?.abort();
-    const url = this.url;
     this.become("cancelled");
-    if (url) {
-      await release(url);
-      await ask(url, { method: "DELETE", headers: TUS }).catch(() => {});
-    }
+    if (this.url) await this.drop();
+  }
+
+  async drop() {
+    await release(this.url);
+    await ask(this.url, { method: "DELETE", headers: TUS }).catch(() => {});
   }
 }
 
 /** Transfers that a reload interrupted. */
 export async function interrupted() {
   return (await kept()).map(({ url, file, declared }) => new Transfer(file, declared, url));
+}
+
+/** Acts while no other tab sends to `url`; the browser frees a tab's locks with the tab. Pages without a secure origin have none. */
+async function alone(url, signal, act) {
+  if (!navigator.locks) return act();
+  return navigator.locks.request(`lampwright upload ${url}`, { signal }, act).catch((error) => {
+    if (!signal.aborted) throw error;
+  });
 }
 
 /** Sends a piece; the new offset. XMLHttpRequest alone tells how much of a body has left. */

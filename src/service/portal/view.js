@@ -168,7 +168,10 @@ export class View {
 
   key(event) {
     const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
-    if (way && event.shiftKey) {
+    if (way && event.altKey) {
+      this.camera.shift(0.05 * way[0], -0.05 * way[1], this.canvas.clientWidth / this.canvas.clientHeight);
+      this.moved();
+    } else if (way && event.shiftKey) {
       const [x, y] = this.cursor ?? [0.5, 0.5];
       const inside = (value) => Math.min(0.999, Math.max(0, value));
       this.placeCursor([inside(x + 0.02 * way[0]), inside(y + 0.02 * way[1])], true);
