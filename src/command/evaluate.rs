@@ -254,31 +254,14 @@ fn summary(answer: &Answer, path: &Path, bytes: u64) -> Table {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::command::rays::tests::model;
     use clap::Parser;
-    use pipeline::known_sources::{by_name, write_tm25};
-    use pipeline::{Declared, Input, Limits, NoProgress, Options};
     use std::fs;
-    use std::sync::Arc;
 
     #[derive(Parser)]
     struct Line {
         #[command(flatten)]
         arguments: Arguments,
-    }
-
-    /// A folder with a model of a Lambertian chip of 1 W and 1 mm², and its zip.
-    fn model() -> tempfile::TempDir {
-        let mut bytes = Vec::new();
-        write_tm25(&by_name("flat-chip").unwrap(), 200_000, 1, &mut bytes).unwrap();
-        let (name, sha256) = ("lamp".into(), "0".repeat(64));
-        let input = Input { name, sha256, bytes: Arc::new(bytes), declared: Declared::default(), notices: Vec::new() };
-        let outcome = pipeline::run(&[input], &Options::default(), &Limits::default(), &NoProgress).unwrap();
-        let folder = tempfile::tempdir().unwrap();
-        for artifact in outcome.artifacts.iter().filter(|artifact| !artifact.name.contains('/')) {
-            fs::write(folder.path().join(&artifact.name), &artifact.bytes).unwrap();
-        }
-        fs::write(folder.path().join("model.zip"), pipeline::artifacts::zip(&outcome.artifacts).unwrap()).unwrap();
-        folder
     }
 
     /// What a line of arguments does; FOLDER is the model's.
@@ -297,7 +280,7 @@ mod tests {
     /// Closed forms of the chip, within the noise of 200 000 rays: E = 0.2394 W/mm² 1 mm above it, I = 1/π W/sr on its axis, L = 1/π W/(mm² sr).
     #[test]
     fn a_chip_is_evaluated_as_its_closed_forms() {
-        let folder = model();
+        let folder = model(200_000);
         let at = |name: &str| folder.path().join(name);
         told(folder.path(), "FOLDER plane --center 0,0,1 --width 1e-6 --columns 1 --light radiant -o FOLDER/e.json")
             .unwrap();
@@ -331,7 +314,7 @@ mod tests {
 
     #[test]
     fn what_cannot_be_is_told_and_leaves_nothing() {
-        let folder = model();
+        let folder = model(200_000);
         let before = fs::read_dir(folder.path()).unwrap().count();
         for (line, code) in [
             ("FOLDER plane --center 0,0,1 --width 2 -o FOLDER/new.exr", "evaluate.format"),

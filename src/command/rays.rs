@@ -110,16 +110,16 @@ fn in_folder(folder: &Path, name: &str) -> Result<Vec<u8>, Failure> {
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use super::*;
     use pipeline::known_sources::{by_name, write_tm25};
     use pipeline::{Declared, Input, NoProgress, Options};
     use std::sync::Arc;
 
-    /// A folder with a model and its zip.
-    fn model() -> tempfile::TempDir {
+    /// A folder with a model of `rays` rays of a Lambertian chip of 1 W and 1 mm², and its zip.
+    pub fn model(rays: u64) -> tempfile::TempDir {
         let mut bytes = Vec::new();
-        write_tm25(&by_name("flat-chip").unwrap(), 20_000, 1, &mut bytes).unwrap();
+        write_tm25(&by_name("flat-chip").unwrap(), rays, 1, &mut bytes).unwrap();
         let (name, sha256) = ("lamp".into(), "0".repeat(64));
         let input = Input { name, sha256, bytes: Arc::new(bytes), declared: Declared::default(), notices: Vec::new() };
         let outcome = pipeline::run(&[input], &Options::default(), &Limits::default(), &NoProgress).unwrap();
@@ -146,7 +146,7 @@ mod tests {
 
     #[test]
     fn folder_and_zip_give_the_same_rays_and_parts_are_the_file() {
-        let folder = model();
+        let folder = model(20_000);
         let at = |name: &str| folder.path().join(name);
         run(&asked(folder.path(), &at("a.dat"))).unwrap();
         run(&asked(&at("model.zip"), &at("b.dat"))).unwrap();
@@ -160,7 +160,7 @@ mod tests {
 
     #[test]
     fn what_cannot_be_is_told_and_leaves_nothing() {
-        let folder = model();
+        let folder = model(20_000);
         let at = |name: &str| folder.path().join(name);
         let code = |arguments: &Arguments| run(arguments).unwrap_err().to_string();
         let output = at("new.dat");

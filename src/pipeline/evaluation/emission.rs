@@ -3,6 +3,7 @@
 use crate::error::{Error, Place};
 use crate::goniogram::{Goniogram, SphereGrid};
 use crate::model::light::Light;
+use crate::model::wavelengths::Turning;
 use crate::source::Columns;
 use crate::vocabulary::spectrum::{Bands, color_matching};
 use crate::vocabulary::units::{KM_LM_PER_W, Quantity};
@@ -66,14 +67,6 @@ struct Distribution<'a> {
     alike: (&'a [f64], f64),
     /// The zone sends one band otherwise than another.
     turning: Option<Turning>,
-}
-
-/// Distributions of the bands of a zone.
-struct Turning {
-    /// 1/sr, `[c][gamma][band]` over the spectral grid.
-    nodes: Vec<f32>,
-    /// Bands without flux go as the radiant light does.
-    dark: Vec<bool>,
 }
 
 /// Goniograms of many zones, summed: they share their grids.
@@ -282,28 +275,6 @@ fn extremes(nodes: usize, values: impl Iterator<Item = (usize, f64)>) -> [Vec<f6
         least[node] = least[node].min(value);
     }
     [most, least]
-}
-
-impl Turning {
-    /// `None` where all bands go the same ways.
-    fn new(goniogram: &Goniogram, grid: &SphereGrid, bands: usize) -> Option<Turning> {
-        let values = &goniogram.spectral_w_per_sr_nm;
-        if values.is_empty() {
-            return None;
-        }
-        let weights_sr = grid.interpolation_weights_sr();
-        let mut integrals = vec![0.0; bands];
-        for (node, values) in values.chunks_exact(bands).enumerate() {
-            let weight_sr = weights_sr[node % weights_sr.len()];
-            integrals.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight_sr * value);
-        }
-        let part = |(at, value): (usize, &f64)| {
-            let integral = integrals[at % bands];
-            if integral > 0.0 { (value / integral) as f32 } else { 0.0 }
-        };
-        let nodes = values.iter().enumerate().map(part).collect();
-        Some(Turning { nodes, dark: integrals.iter().map(|integral| *integral <= 0.0).collect() })
-    }
 }
 
 /// Intensities at the nodes, and one over their integral; 0 where there is no light.

@@ -27,7 +27,7 @@ pub struct Request {
     pub tolerance: f64,
     /// Most numbers of the answer: cells times channels.
     pub most_numbers: usize,
-    /// Most numbers of the model: vertices or nodes times channels. Some forty bytes are kept for each.
+    /// Most numbers of the model: vertices or nodes times channels.
     pub most_kept: usize,
 }
 

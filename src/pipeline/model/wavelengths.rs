@@ -19,11 +19,11 @@ pub struct Wavelengths<'a> {
 }
 
 /// A zone that sends one band otherwise than another.
-struct Turning {
+pub struct Turning {
     /// Normalised distribution of each band, 1/sr, `[c][gamma][band]`.
-    nodes: Vec<f32>,
+    pub nodes: Vec<f32>,
     /// Bands without flux, which are sent as the whole is.
-    dark: Vec<bool>,
+    pub dark: Vec<bool>,
 }
 
 impl<'a> Wavelengths<'a> {
@@ -83,8 +83,8 @@ impl<'a> Wavelengths<'a> {
 }
 
 impl Turning {
-    /// `None` where all bands go the same ways.
-    fn new(goniogram: &Goniogram, grid: &SphereGrid, bands: usize) -> Option<Turning> {
+    /// Of the `bands` of a goniogram over its spectral `grid`; `None` where all bands go the same ways.
+    pub fn new(goniogram: &Goniogram, grid: &SphereGrid, bands: usize) -> Option<Turning> {
         let values = &goniogram.spectral_w_per_sr_nm;
         if values.is_empty() {
             return None;

@@ -18,7 +18,7 @@ use utoipa::ToSchema;
 
 /// Most numbers of an answer: cells times channels.
 const MOST_NUMBERS: usize = 1 << 18;
-/// Most numbers of a model that are kept while it is evaluated, vertices or nodes times channels: some 80 MB.
+/// Most numbers of a model that are kept while it is evaluated, vertices or nodes times channels.
 const MOST_KEPT: usize = 1 << 21;
 /// Lines along each side of a cell of a camera where nothing is said.
 const SAMPLES: usize = 2;
