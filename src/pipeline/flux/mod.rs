@@ -60,7 +60,8 @@ impl Surface {
     }
 }
 
-/// Lays every ray on the hull. For each chunk of rays, on any thread, `begin` makes what is told of each ray where it landed, if it did.
+/// Lays every ray on the hull, of a symmetric source all of its images. For each chunk of rays, on any thread, `begin` makes what is told
+/// of each ray or image where it landed, if it did, and of its part of the flux.
 ///
 /// # Errors
 /// [`Error::Refused`] above [`Limits::max_tally_values`]; [`Error::Cancelled`], [`Error::Unreadable`].
@@ -77,25 +78,25 @@ pub fn project<L: FnMut(&Ray, Option<&Landing>, &Deposit)>(
     let triangles = Tally::new(&quanta, hull.triangles.len(), Kept::Fluxes, limits)?;
     let vertices = Tally::new(&quanta, hull.vertices_mm.len(), Kept::All, limits)?;
     let fates = Tally::new(&quanta, FATES, Kept::Fluxes, limits)?;
+    // The part of a ray's flux that each of its images has.
+    let part = 1.0 / cloud.images() as f64;
     let lay = |rays: &[Ray]| {
         let (mut triangles, mut vertices, mut laid) = (triangles.adding(), vertices.adding(), begin());
         let mut met = [Deposit::default(); FATES];
         let mut squares = [0.0; 2];
         for ray in rays {
             let deposit = quanta.deposit(ray);
-            squares[0] += ray.radiant_w * ray.radiant_w;
-            squares[1] += ray.luminous_lm * ray.luminous_lm;
-            let landing = projector.land(ray);
-            laid(ray, landing.as_ref(), &deposit);
-            let Some(landing) = landing else {
-                met[REJECTED].gather(&deposit);
-                continue;
-            };
-            met[if landing.fate == Fate::Hit { HIT } else { SNAPPED }].gather(&deposit);
-            triangles.add(landing.triangle, &deposit);
-            for (vertex, part) in hull.triangles[landing.triangle].iter().zip(deposit.split(landing.shares)) {
-                vertices.add(*vertex as usize, &part);
-            }
+            squares[0] += part * ray.radiant_w * ray.radiant_w;
+            squares[1] += part * ray.luminous_lm * ray.luminous_lm;
+            projector.land_images(ray, |image, landing| {
+                laid(image, landing.as_ref(), &deposit);
+                let Some(landing) = landing else { return met[REJECTED].gather(&deposit) };
+                met[if landing.fate == Fate::Hit { HIT } else { SNAPPED }].gather(&deposit);
+                triangles.add(landing.triangle, &deposit);
+                for (vertex, part) in hull.triangles[landing.triangle].iter().zip(deposit.split(landing.shares)) {
+                    vertices.add(*vertex as usize, &part);
+                }
+            });
         }
         let mut fates = fates.adding();
         met.iter().enumerate().for_each(|(fate, sum)| fates.add(fate, sum));

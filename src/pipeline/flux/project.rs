@@ -36,13 +36,20 @@ pub struct Landing {
     pub fate: Fate,
 }
 
+impl Landing {
+    fn of_grid((triangle, shares): (usize, [f64; 3])) -> Landing {
+        Landing { triangle, shares, fate: Fate::Hit }
+    }
+}
+
 /// Lays rays on a hull.
 pub struct Projector<'a> {
     /// The grid that rays are slid to, with the first triangles of the hull.
     focal: Option<&'a FocalGrid>,
     /// How many triangles the index leaves to it.
     first: usize,
-    hull: &'a Hull,
+    /// The others, in their order.
+    facets: Vec<Facet>,
     cells: Cells,
     bvh: Bvh,
     /// Farther than this from the surface nothing is snapped, mm: a cell's diagonal.
@@ -54,78 +61,94 @@ impl<'a> Projector<'a> {
     pub fn new(hull: &'a Hull) -> Projector<'a> {
         let focal = hull.focal.as_ref();
         let first = focal.map_or(0, |grid| grid.triangle_count);
-        let boxes: Vec<Bounds> =
-            (first..hull.triangles.len()).map(|triangle| Bounds::of(hull.corners_mm(triangle))).collect();
+        let corners_mm = || (first..hull.triangles.len()).map(|triangle| hull.corners_mm(triangle));
+        let boxes: Vec<Bounds> = corners_mm().map(Bounds::of).collect();
         let cell_mm = focal.map_or(hull.cell_mm, |grid| grid.loose_cell_mm);
         let cells = Cells::new(&boxes, cell_mm.max_element());
-        Projector { focal, first, hull, cells, bvh: Bvh::new(&boxes), tolerance_mm: cell_mm.length() }
+        let facets = corners_mm().map(Facet::new).collect();
+        Projector { focal, first, facets, cells, bvh: Bvh::new(&boxes), tolerance_mm: cell_mm.length() }
     }
 
     /// Where `ray` lands; `None` when it is rejected.
     pub fn land(&self, ray: &Ray) -> Option<Landing> {
-        if let Some((triangle, shares)) = self.focal.and_then(|grid| grid.land(ray)) {
-            return Some(Landing { triangle, shares, fate: Fate::Hit });
+        let on_grid = self.focal.and_then(|grid| grid.land(ray)).map(Landing::of_grid);
+        on_grid.or_else(|| self.land_off_grid(ray))
+    }
+
+    /// Tells `each` where the mirror images of `ray` land that the light has, itself the first. Those of a ray that is slid to the grid
+    /// lie at the images of its place.
+    pub fn land_images(&self, ray: &Ray, mut each: impl FnMut(&Ray, Option<Landing>)) {
+        let Some(grid) = self.focal.filter(|grid| grid.images() > 1) else { return each(ray, self.land(ray)) };
+        let place = grid.place_of(ray);
+        for number in 0..grid.images() {
+            let image = grid.image(number, ray);
+            let on_grid = place.and_then(|place| grid.land_at(grid.image_of_place(number, place)));
+            each(&image, on_grid.map(Landing::of_grid).or_else(|| self.land_off_grid(&image)));
         }
-        if self.first == self.hull.triangles.len() {
+    }
+
+    /// Where a ray lands that is not slid to the grid.
+    fn land_off_grid(&self, ray: &Ray) -> Option<Landing> {
+        if self.facets.is_empty() {
             return None;
         }
-        let landing = |(triangle, t): (usize, f64)| {
-            let point_mm = ray.origin_mm + t * ray.direction;
-            Landing { triangle, shares: barycentric(self.corners_mm(triangle), point_mm), fate: Fate::Hit }
-        };
-        let landing = self.crossing(ray).map(landing).or_else(|| self.snap(ray.origin_mm))?;
+        let hit =
+            |crossing: Crossing| Landing { triangle: crossing.triangle, shares: crossing.shares(), fate: Fate::Hit };
+        let landing = self.crossing(ray).map(hit).or_else(|| self.snap(ray.origin_mm))?;
         Some(Landing { triangle: self.first + landing.triangle, ..landing })
     }
 
-    /// Triangle and signed distance along the ray where its line lands.
-    fn crossing(&self, ray: &Ray) -> Option<(usize, f64)> {
+    /// Where the line of the ray lands.
+    fn crossing(&self, ray: &Ray) -> Option<Crossing> {
         let near = self.cells.near(ray.origin_mm).and_then(|near| self.crossing_near(ray, &near));
         near.or_else(|| self.crossing_anywhere(ray))
     }
 
     /// The same, by the tree.
-    fn crossing_anywhere(&self, ray: &Ray) -> Option<(usize, f64)> {
-        let any = |_: f64| true;
-        let out = |cosine: f64| cosine > 0.0;
+    fn crossing_anywhere(&self, ray: &Ray) -> Option<Crossing> {
+        let any = |_: &Crossing| true;
         let ahead = self.first(ray, 1.0, f64::INFINITY, any);
-        if let Some((triangle, t)) = ahead
-            && self.leads_out(triangle, ray.direction)
-        {
+        if let Some(crossing) = ahead.filter(Crossing::leads_out) {
             // Inside, unless a surface that leads out lies closer behind than the hull is accurate.
-            let limit_mm = t.abs().min(self.tolerance_mm);
-            let behind = if limit_mm > 0.0 { self.first(ray, -1.0, limit_mm, out) } else { None };
-            return Some(behind.filter(|(_, back)| back.abs() < t.abs()).unwrap_or((triangle, t)));
+            let limit_mm = crossing.t.abs().min(self.tolerance_mm);
+            let behind = if limit_mm > 0.0 { self.first(ray, -1.0, limit_mm, Crossing::leads_out) } else { None };
+            return behind.filter(|behind| behind.t.abs() < crossing.t.abs()).or(ahead);
         }
-        let near = |hit: &(usize, f64)| hit.1.abs() <= self.tolerance_mm;
-        self.first(ray, -1.0, f64::INFINITY, out)
-            .or_else(|| self.first(ray, 1.0, f64::INFINITY, out))
-            .or_else(|| ahead.filter(near))
+        self.first(ray, -1.0, f64::INFINITY, Crossing::leads_out)
+            .or_else(|| self.first(ray, 1.0, f64::INFINITY, Crossing::leads_out))
+            .or_else(|| ahead.filter(|ahead| ahead.t.abs() <= self.tolerance_mm))
             .or_else(|| self.first(ray, -1.0, self.tolerance_mm, any))
     }
 
     /// The same, where what lies in the cell of the start is enough to tell: what is met within a cell is met before all that lies beyond.
-    fn crossing_near(&self, ray: &Ray, near: &Near<'_>) -> Option<(usize, f64)> {
+    fn crossing_near(&self, ray: &Ray, near: &Near<'_>) -> Option<Crossing> {
         let [reach_behind, reach_ahead] = reach_mm(&near.cell, ray);
-        let [mut ahead, mut behind]: [Option<(usize, f64)>; 2] = [None, None];
+        let [mut ahead, mut behind]: [Option<Crossing>; 2] = [None, None];
         for item in near.items {
-            let triangle = *item as usize;
-            let Some((t, cosine)) = meet(self.corners_mm(triangle), ray.origin_mm, ray.direction) else { continue };
-            if self.is_on(t) && t <= reach_ahead && ahead.is_none_or(|(_, least)| t < least) {
-                ahead = Some((triangle, t));
+            let Some(crossing) = self.meet(*item as usize, ray) else { continue };
+            let t = crossing.t;
+            if self.is_on(t) && t <= reach_ahead && ahead.is_none_or(|nearest| t < nearest.t) {
+                ahead = Some(crossing);
             }
-            if cosine > 0.0 && self.is_on(-t) && -t <= reach_behind && behind.is_none_or(|(_, least)| -t < -least) {
-                behind = Some((triangle, t));
+            let is_behind = crossing.leads_out() && self.is_on(-t) && -t <= reach_behind;
+            if is_behind && behind.is_none_or(|nearest| t > nearest.t) {
+                behind = Some(crossing);
             }
         }
         match (ahead, behind) {
-            (Some((triangle, t)), _) if self.leads_out(triangle, ray.direction) => {
-                let limit_mm = t.abs().min(self.tolerance_mm);
-                let closer =
-                    behind.filter(|(_, back)| limit_mm > 0.0 && back.abs() <= limit_mm && back.abs() < t.abs());
-                (limit_mm <= reach_behind).then_some(closer.unwrap_or((triangle, t)))
+            (Some(crossing), _) if crossing.leads_out() => {
+                let limit_mm = crossing.t.abs().min(self.tolerance_mm);
+                let closer = behind.filter(|behind| {
+                    let back_mm = behind.t.abs();
+                    limit_mm > 0.0 && back_mm <= limit_mm && back_mm < crossing.t.abs()
+                });
+                (limit_mm <= reach_behind).then_some(closer.unwrap_or(crossing))
             }
             (Some(_), behind) => behind,
-            (None, Some((_, back))) => behind.filter(|_| back.abs() <= self.tolerance_mm && back.abs() < reach_ahead),
+            (None, Some(nearest)) => {
+                let back_mm = nearest.t.abs();
+                behind.filter(|_| back_mm <= self.tolerance_mm && back_mm < reach_ahead)
+            }
             (None, None) => None,
         }
     }
@@ -135,31 +158,26 @@ impl<'a> Projector<'a> {
         t >= -1e-9 * self.tolerance_mm
     }
 
-    /// Corners of a triangle that is left to the index.
-    fn corners_mm(&self, triangle: usize) -> [DVec3; 3] {
-        self.hull.corners_mm(self.first + triangle)
+    /// Where the line of a ray meets a triangle that is left to the index.
+    fn meet(&self, triangle: usize, ray: &Ray) -> Option<Crossing> {
+        self.facets[triangle].meet(triangle, ray)
     }
 
-    fn leads_out(&self, triangle: usize, direction: DVec3) -> bool {
-        let [a, b, c] = self.corners_mm(triangle);
-        direction.dot((b - a).cross(c - a)) > 0.0
-    }
-
-    /// First crossing ahead (`sense` +1) or behind (−1) whose cosine to the outward normal is `wanted`; signed distance.
-    fn first(&self, ray: &Ray, sense: f64, limit_mm: f64, wanted: impl Fn(f64) -> bool) -> Option<(usize, f64)> {
-        let meet = |triangle: usize| {
-            let (t, cosine) = meet(self.corners_mm(triangle), ray.origin_mm, ray.direction)?;
-            wanted(cosine).then_some(sense * t).filter(|t| self.is_on(*t))
+    /// First crossing ahead (`sense` +1) or behind (−1) that is `wanted`.
+    fn first(&self, ray: &Ray, sense: f64, limit_mm: f64, wanted: impl Fn(&Crossing) -> bool) -> Option<Crossing> {
+        let distance_mm = |triangle: usize| {
+            let crossing = self.meet(triangle, ray).filter(&wanted)?;
+            Some(sense * crossing.t).filter(|t| self.is_on(*t))
         };
-        let (triangle, t) = self.bvh.first_along(ray.origin_mm, sense * ray.direction, limit_mm, meet)?;
-        Some((triangle, sense * t))
+        let (triangle, _) = self.bvh.first_along(ray.origin_mm, sense * ray.direction, limit_mm, distance_mm)?;
+        self.meet(triangle, ray)
     }
 
     /// The nearest triangle within the tolerance; ties go to the smaller index.
     fn snap(&self, point_mm: DVec3) -> Option<Landing> {
         let mut best: Option<(f64, usize, DVec3)> = None;
         self.bvh.near(point_mm, self.tolerance_mm, |triangle| {
-            let nearest_mm = nearest_point(self.corners_mm(triangle), point_mm);
+            let nearest_mm = nearest_point(self.facets[triangle].corners_mm(), point_mm);
             let distance_mm = nearest_mm.distance(point_mm);
             let closer = best.is_none_or(|(least, other, _)| (distance_mm, triangle) < (least, other));
             if distance_mm <= self.tolerance_mm && closer {
@@ -168,9 +186,81 @@ impl<'a> Projector<'a> {
         });
         best.map(|(_, triangle, nearest_mm)| Landing {
             triangle,
-            shares: barycentric(self.corners_mm(triangle), nearest_mm),
+            shares: barycentric(self.facets[triangle].corners_mm(), nearest_mm),
             fate: Fate::Snapped,
         })
+    }
+}
+
+/// A triangle as its lines are met: one corner and the edges from it.
+#[derive(Clone, Copy)]
+struct Facet {
+    a_mm: DVec3,
+    ab_mm: DVec3,
+    ac_mm: DVec3,
+}
+
+/// Where a line meets a triangle.
+#[derive(Clone, Copy)]
+struct Crossing {
+    /// The triangle, among those of the index.
+    triangle: usize,
+    /// Signed distance along the ray, mm.
+    t: f64,
+    /// Shares of the second and the third corner; edges belong to both neighbours, so one may be a hair below 0.
+    at: [f64; 2],
+    /// Direction · outward normal, not normalised: positive where the line leads out.
+    slant: f64,
+}
+
+impl Facet {
+    fn new([a, b, c]: [DVec3; 3]) -> Facet {
+        Facet { a_mm: a, ab_mm: b - a, ac_mm: c - a }
+    }
+
+    fn corners_mm(&self) -> [DVec3; 3] {
+        [self.a_mm, self.a_mm + self.ab_mm, self.a_mm + self.ac_mm]
+    }
+
+    /// Where the line of `ray` meets it. Möller and Trumbore, J. Graphics Tools 2(1), 1997; edges belong to both neighbours, so no
+    /// line slips between.
+    fn meet(&self, triangle: usize, ray: &Ray) -> Option<Crossing> {
+        let p = ray.direction.cross(self.ac_mm);
+        let determinant = self.ab_mm.dot(p);
+        if determinant == 0.0 {
+            return None;
+        }
+        let per_determinant = 1.0 / determinant;
+        let s = ray.origin_mm - self.a_mm;
+        let slack = 1e-9;
+        let u = s.dot(p) * per_determinant;
+        if !(-slack..=1.0 + slack).contains(&u) {
+            return None;
+        }
+        let q = s.cross(self.ab_mm);
+        let v = ray.direction.dot(q) * per_determinant;
+        let t = self.ac_mm.dot(q) * per_determinant;
+        // The determinant is −direction · (ab × ac): negative when leaving.
+        (v >= -slack && u + v <= 1.0 + slack && t.is_finite()).then_some(Crossing {
+            triangle,
+            t,
+            at: [u, v],
+            slant: -determinant,
+        })
+    }
+}
+
+impl Crossing {
+    fn leads_out(&self) -> bool {
+        self.slant > 0.0
+    }
+
+    /// Shares of the corners: not negative, sum 1.
+    fn shares(&self) -> [f64; 3] {
+        let [u, v] = self.at;
+        let parts = [1.0 - u - v, u, v].map(|part| part.max(0.0));
+        let sum: f64 = parts.iter().sum();
+        parts.map(|part| part / sum)
     }
 }
 
@@ -182,29 +272,6 @@ fn reach_mm(bounds: &Bounds, ray: &Ray) -> [f64; 2] {
         // Along an axis that the ray does not move in, 0 / 0 is no number, which `min` and `max` leave out.
         [behind.min((-a.min(b)).max(0.0)), ahead.min(a.max(b).max(0.0))]
     })
-}
-
-/// Signed distance along unit `direction` at which a line meets a triangle, and the sign-carrying cosine to its normal (not
-/// normalised). Möller and Trumbore, J. Graphics Tools 2(1), 1997; edges belong to both neighbours, so no line slips between.
-fn meet([a, b, c]: [DVec3; 3], origin_mm: DVec3, direction: DVec3) -> Option<(f64, f64)> {
-    let (ab, ac) = (b - a, c - a);
-    let p = direction.cross(ac);
-    let determinant = ab.dot(p);
-    if determinant == 0.0 {
-        return None;
-    }
-    let per_determinant = 1.0 / determinant;
-    let s = origin_mm - a;
-    let slack = 1e-9;
-    let u = s.dot(p) * per_determinant;
-    if !(-slack..=1.0 + slack).contains(&u) {
-        return None;
-    }
-    let q = s.cross(ab);
-    let v = direction.dot(q) * per_determinant;
-    let t = ac.dot(q) * per_determinant;
-    // The determinant is −direction · (ab × ac): negative when leaving.
-    (v >= -slack && u + v <= 1.0 + slack && t.is_finite()).then_some((t, -determinant))
 }
 
 /// Barycentric coordinates of a point in the triangle's plane, clipped to the triangle: not negative, sum 1.

@@ -32,15 +32,15 @@ pub struct Quanta {
     per_w: f64,
     per_lm: f64,
     per_column: f64,
-    /// Quanta in the count of a ray, or of each of its images.
-    per_ray: f64,
+    /// The part of a ray that each of its images has.
+    per_image: f64,
 }
 
 impl Quanta {
     /// Quanta for `cloud`.
     pub fn of(cloud: &Cloud<'_>) -> Quanta {
         let quanta = Quanta::new(cloud.spectral().clone(), cloud.flux());
-        Quanta { per_ray: RAY_QUANTA / cloud.images() as f64, ..quanta }
+        Quanta { per_image: 1.0 / cloud.images() as f64, ..quanta }
     }
 
     fn new(spectral: Spectral, flux: Flux) -> Quanta {
@@ -51,20 +51,18 @@ impl Quanta {
         };
         let (per_w, per_lm) = (per(flux.radiant_w), per(flux.luminous_lm));
         let per_column = if spectral.has_bands() { per_w } else { per_lm * 2f64.powi(-TRISTIMULUS_BITS) };
-        Quanta { spectral, flux, per_w, per_lm, per_column, per_ray: RAY_QUANTA }
+        Quanta { spectral, flux, per_w, per_lm, per_column, per_image: 1.0 }
     }
 
-    /// What `ray` deposits.
+    /// What `ray` deposits, or each of its images.
     pub fn deposit(&self, ray: &Ray) -> Deposit {
-        let mut deposit = Deposit {
-            fixed: [self.per_ray as u64, quanta(ray.radiant_w * self.per_w), quanta(ray.luminous_lm * self.per_lm)],
-            columns: [(0, 0); MOST_COLUMNS],
-        };
-        let mut used = 0;
+        let count = |amount: f64, per_unit: f64| quanta(self.per_image * amount * per_unit);
+        let fixed = [count(1.0, RAY_QUANTA), count(ray.radiant_w, self.per_w), count(ray.luminous_lm, self.per_lm)];
+        let mut deposit = Deposit { fixed, ..Deposit::default() };
         self.spectral.deposit(ray, |column, amount| {
-            if used < MOST_COLUMNS {
-                deposit.columns[used] = (column, quanta(amount * self.per_column));
-                used += 1;
+            if let Some(slot) = deposit.columns.get_mut(deposit.used) {
+                *slot = (column, count(amount, self.per_column));
+                deposit.used += 1;
             }
         });
         deposit
@@ -81,6 +79,8 @@ fn quanta(amount: f64) -> u64 {
 pub struct Deposit {
     fixed: [u64; FIXED],
     columns: [(usize, u64); MOST_COLUMNS],
+    /// How many of the columns it adds to.
+    used: usize,
 }
 
 impl Deposit {
@@ -91,22 +91,27 @@ impl Deposit {
 
     /// Splits by `shares` (not negative, sum 1) without losing a quantum: the last part takes what the others leave.
     pub fn split<const N: usize>(&self, shares: [f64; N]) -> [Deposit; N] {
-        let mut parts = [*self; N];
-        let mut cut = |whole: u64, put: &dyn Fn(&mut Deposit, u64)| {
-            let mut left = whole;
-            for (k, (part, share)) in parts.iter_mut().zip(shares).enumerate() {
-                let value = if k + 1 == N { left } else { quanta(whole as f64 * share).min(left) };
-                put(part, value);
-                left -= value;
+        let mut left = *self;
+        let mut number = 0;
+        shares.map(|share| {
+            number += 1;
+            if number == N {
+                return left;
             }
-        };
-        for slot in 0..FIXED {
-            cut(self.fixed[slot], &|part, value| part.fixed[slot] = value);
-        }
-        for slot in 0..MOST_COLUMNS {
-            cut(self.columns[slot].1, &|part, value| part.columns[slot].1 = value);
-        }
-        parts
+            let mut part = left;
+            let cut = |whole: u64, left: &mut u64| {
+                let value = quanta(whole as f64 * share).min(*left);
+                *left -= value;
+                value
+            };
+            for slot in 0..FIXED {
+                part.fixed[slot] = cut(self.fixed[slot], &mut left.fixed[slot]);
+            }
+            for slot in 0..self.used {
+                part.columns[slot].1 = cut(self.columns[slot].1, &mut left.columns[slot].1);
+            }
+            part
+        })
     }
 }
 
@@ -207,16 +212,22 @@ impl Adding<'_> {
     /// Adds `deposit` to `site`.
     pub fn add(&mut self, site: usize, deposit: &Deposit) {
         let Tally { fixed, column_count, .. } = *self.tally;
-        let row = site * (fixed + column_count);
-        let columns = if column_count > 0 { &deposit.columns[..] } else { &[] };
-        let of_column = columns.iter().map(|(column, amount)| (row + fixed + column, *amount));
-        let amounts = (row..).zip(deposit.fixed).take(fixed).chain(of_column).filter(|(_, amount)| *amount != 0);
+        let width = fixed + column_count;
+        let row = site * width..(site + 1) * width;
+        let columns = if column_count > 0 { &deposit.columns[..deposit.used] } else { &[] };
         if self.own.is_empty() {
-            amounts.for_each(|(at, amount)| {
-                self.tally.shared[at].fetch_add(amount, Ordering::Relaxed);
-            });
+            let row = &self.tally.shared[row];
+            let add = |sum: &AtomicU64, amount: u64| {
+                if amount != 0 {
+                    sum.fetch_add(amount, Ordering::Relaxed);
+                }
+            };
+            row.iter().zip(deposit.fixed).take(fixed).for_each(|(sum, amount)| add(sum, amount));
+            columns.iter().for_each(|(column, amount)| add(&row[fixed + column], *amount));
         } else {
-            amounts.for_each(|(at, amount)| self.own[at] += amount);
+            let row = &mut self.own[row];
+            row.iter_mut().zip(deposit.fixed).take(fixed).for_each(|(sum, amount)| *sum += amount);
+            columns.iter().for_each(|(column, amount)| row[fixed + column] += amount);
         }
     }
 }

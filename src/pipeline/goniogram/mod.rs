@@ -54,6 +54,8 @@ const MOST_ZONES_OF_VOLUME: usize = 48;
 /// Most spectral columns of all cells of all zones together, and cells of a zone's coarsest spectral grid.
 const MOST_COLUMNS: f64 = 2e6;
 const COARSEST_CELLS: f64 = 134.0;
+/// So many rays tell how wide a beam is, within half a per cent.
+const MOST_RAYS_OF_BEAM: usize = 1 << 14;
 /// Most zones that follow the surface and have files of their own.
 const MOST_FILES: usize = 16;
 
@@ -248,7 +250,9 @@ fn narrow_beam(cloud: &Cloud<'_>, frame: &Frame, sample: &[Ray], options: &Gonio
     if asked || options.zoning() == ZoneLayout::Paper {
         return None;
     }
-    let rays: Vec<(DVec3, f64)> = sample.iter().map(|ray| (ray.direction, ray.weight())).collect();
+    // The rays of a sample are in random order.
+    let rays: Vec<(DVec3, f64)> =
+        sample.iter().take(MOST_RAYS_OF_BEAM).map(|ray| (ray.direction, ray.weight())).collect();
     NarrowBeam::of(&rays, brightest(&cloud.source.survey.directions), frame.nadir.vector())
 }
 

@@ -6,12 +6,17 @@
 
 use std::f64::consts::{PI, TAU};
 
+/// Equal steps of γ in which a grid knows where to look: quarters of a degree.
+const STEPS: usize = 720;
+
 /// A node-centred polar grid, regular in C. Values over it are `[c][gamma]`, pole values repeated for every C.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SphereGrid {
     /// γ nodes, degrees, from 0 to 180, and radians.
     gamma_deg: Vec<f64>,
     gamma: Vec<f64>,
+    /// The first γ node above each of equal steps from 0 to 180°: where to begin to look.
+    above: Vec<u32>,
     /// C planes: step 360/c_count degrees.
     c_count: usize,
 }
@@ -25,8 +30,12 @@ impl SphereGrid {
 
     /// With γ nodes at `gamma_deg`: at least three, increasing from 0 to 180.
     pub fn uneven(gamma_deg: Vec<f64>, c_count: usize) -> SphereGrid {
-        let gamma = gamma_deg.iter().map(|degrees| degrees.to_radians()).collect();
-        SphereGrid { gamma_deg, gamma, c_count: c_count.max(1) }
+        let gamma: Vec<f64> = gamma_deg.iter().map(|degrees| degrees.to_radians()).collect();
+        let first_above = |step: usize| {
+            let from = step as f64 * PI / STEPS as f64;
+            gamma.partition_point(|node| *node <= from).clamp(1, gamma.len() - 1) as u32
+        };
+        SphereGrid { above: (0..=STEPS).map(first_above).collect(), gamma_deg, gamma, c_count: c_count.max(1) }
     }
 
     /// γ nodes, degrees, first 0, last 180.
@@ -72,8 +81,16 @@ impl SphereGrid {
 
     /// The cell of `(C, γ)` radians.
     pub fn cell(&self, c: f64, gamma: f64) -> usize {
-        let above = self.gamma.partition_point(|node| *node <= gamma).clamp(1, self.gamma.len() - 1);
-        let k = if gamma < self.gamma_borders(above)[0] { above - 1 } else { above };
+        let step = (gamma * (STEPS as f64 / PI)) as usize;
+        let mut above = self.above[step.min(STEPS)] as usize;
+        // Rounding may have led to the step after.
+        while above > 1 && self.gamma[above - 1] > gamma {
+            above -= 1;
+        }
+        while above + 1 < self.gamma.len() && self.gamma[above] <= gamma {
+            above += 1;
+        }
+        let k = if gamma < 0.5 * (self.gamma[above - 1] + self.gamma[above]) { above - 1 } else { above };
         let j = (c * self.c_count as f64 / TAU).round() as usize % self.c_count;
         self.cell_of_node(j, k)
     }

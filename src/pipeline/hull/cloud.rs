@@ -3,7 +3,7 @@
 //! Rays are lines; in air the radiance along a line does not change, so an emission point may be any point of its ray without
 //! changing any light outside. The paper takes the origins as given.
 
-use super::focal::{FocalPatch, Symmetry};
+use super::focal::FocalPatch;
 use crate::error::Error;
 use crate::rays::chunks;
 use crate::source::{Ray, Source, Spectral};
@@ -85,13 +85,6 @@ impl<'a> Cloud<'a> {
         rays.saturating_mul(self.images() as u64)
     }
 
-    /// The same rays without their images.
-    #[must_use]
-    pub fn without_images(self) -> Cloud<'a> {
-        let alone = |patch: FocalPatch| Carrier::Focal(FocalPatch { symmetry: Symmetry::None, ..patch });
-        Cloud { carrier: self.carrier.patch().map_or(self.carrier, alone), ..self }
-    }
-
     /// The same rays, all of one quantity and without their spectrum, where they are a sample.
     #[must_use]
     pub fn plain(self) -> Cloud<'a> {
@@ -103,7 +96,7 @@ impl<'a> Cloud<'a> {
         self.sample.map_or(&[], |sample| &sample.rays)
     }
 
-    /// Images of each ray that a pass shows, itself included: a power of two.
+    /// Images that each ray stands for, itself included: a power of two.
     pub fn images(&self) -> usize {
         self.carrier.patch().map_or(1, |patch| patch.symmetry.images())
     }
@@ -116,7 +109,7 @@ impl<'a> Cloud<'a> {
         }
     }
 
-    /// One pass over all rays, as [`Source::fold`]; over the images of all rays where the source is symmetric.
+    /// One pass over all rays, as [`Source::fold`]; without their images.
     ///
     /// # Errors
     /// As [`Source::fold`].
@@ -127,10 +120,6 @@ impl<'a> Cloud<'a> {
         work: impl Fn(&[Ray]) -> Result<T, Error> + Sync + Send,
         mut merge: impl FnMut(&mut A, T),
     ) -> Result<A, Error> {
-        let work = |rays: &[Ray]| match self.carrier.patch().filter(|patch| patch.symmetry != Symmetry::None) {
-            Some(patch) => work(&patch.images(rays)),
-            None => work(rays),
-        };
         let Some(Sampled { rays, .. }) = self.sample else { return self.source.fold(watch, start, work, merge) };
         let count = rays.len().div_ceil(CHUNK_RAYS);
         let chunk = |first: usize| &rays[first..rays.len().min(first + CHUNK_RAYS)];

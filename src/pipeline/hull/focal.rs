@@ -164,24 +164,40 @@ impl FocalPatch {
 
     /// All images of `rays`, each with its part of the flux.
     pub fn images(&self, rays: &[Ray]) -> Vec<Ray> {
-        let FocalSurface { apex_mm, axes, .. } = self.surface;
-        let count = self.symmetry.images();
-        let part = 1.0 / count as f64;
-        let mut images = Vec::with_capacity(count * rays.len());
-        for k in 0..count {
-            let swapped = if k < 4 { DMat3::IDENTITY } else { DMat3::from_cols(DVec3::Y, DVec3::X, DVec3::Z) };
-            let sign = |bit: usize| if k & bit == 0 { 1.0 } else { -1.0 };
-            let map = axes * DMat3::from_diagonal(DVec3::new(sign(1), sign(2), 1.0)) * swapped * axes.transpose();
-            images.extend(rays.iter().map(|ray| Ray {
-                origin_mm: if k == 0 { ray.origin_mm } else { apex_mm + map * (ray.origin_mm - apex_mm) },
-                direction: if k == 0 { ray.direction } else { map * ray.direction },
+        let part = 1.0 / self.symmetry.images() as f64;
+        let of_map = |map: DMat3| {
+            rays.iter().map(move |ray| Ray {
                 radiant_w: part * ray.radiant_w,
                 luminous_lm: part * ray.luminous_lm,
                 xz_lm: ray.xz_lm.map(|value| part * value),
-                ..*ray
-            }));
+                ..self.image(&map, ray)
+            })
+        };
+        self.maps().into_iter().flat_map(of_map).collect()
+    }
+
+    /// From directions to those of their images, in the source frame; of the image 4s + 2y + x the places across are swapped where s is
+    /// set, and then mirrored along the axes that are set.
+    fn maps(&self) -> Vec<DMat3> {
+        let axes = self.surface.axes;
+        let map = |number: usize| {
+            if number == 0 {
+                return DMat3::IDENTITY;
+            }
+            let swapped = if number < 4 { DMat3::IDENTITY } else { DMat3::from_cols(DVec3::Y, DVec3::X, DVec3::Z) };
+            let sign = |bit: usize| if number & bit == 0 { 1.0 } else { -1.0 };
+            axes * DMat3::from_diagonal(DVec3::new(sign(1), sign(2), 1.0)) * swapped * axes.transpose()
+        };
+        (0..self.symmetry.images()).map(map).collect()
+    }
+
+    /// A ray with place and direction of its image by `map`.
+    fn image(&self, map: &DMat3, ray: &Ray) -> Ray {
+        if *map == DMat3::IDENTITY {
+            return *ray;
         }
-        images
+        let apex_mm = self.surface.apex_mm;
+        Ray { origin_mm: apex_mm + *map * (ray.origin_mm - apex_mm), direction: *map * ray.direction, ..*ray }
     }
 
     /// Where a ray is slid to; `None` for a ray that does not fit: it meets the surface outside of the patch, grazing or not at all, and
@@ -197,6 +213,8 @@ impl FocalPatch {
 #[derive(Clone, Debug, PartialEq)]
 pub struct FocalGrid {
     patch: FocalPatch,
+    /// From directions to those of their images.
+    maps: Vec<DMat3>,
     cells: [usize; 2],
     /// First of the two triangles of each cell, `[y][x]`; `u32::MAX` where the cell is dark.
     first_triangle: Vec<u32>,
@@ -211,6 +229,7 @@ impl FocalGrid {
     pub fn new(patch: FocalPatch, cells: [usize; 2], lit: &[bool]) -> (FocalGrid, Vec<DVec3>, Vec<[u32; 3]>) {
         let mut grid = FocalGrid {
             patch,
+            maps: patch.maps(),
             cells,
             first_triangle: vec![u32::MAX; cells[0] * cells[1]],
             triangle_count: 0,
@@ -236,7 +255,43 @@ impl FocalGrid {
 
     /// Triangle and barycentric coordinates of the point that a ray is slid to; `None` for a ray that does not fit.
     pub fn land(&self, ray: &Ray) -> Option<(usize, [f64; 3])> {
-        let (cell, [a, b]) = FocalGrid::place(&self.patch, self.cells, self.patch.meet(ray)?.at_mm);
+        self.land_at(self.place_of(ray)?)
+    }
+
+    /// Cell and place in it that a ray is slid to; `None` for a ray that does not fit.
+    pub fn place_of(&self, ray: &Ray) -> Option<(usize, [f64; 2])> {
+        self.patch.meet(ray).map(|crossing| FocalGrid::place(&self.patch, self.cells, crossing.at_mm))
+    }
+
+    /// How many images a ray has, itself included.
+    pub fn images(&self) -> usize {
+        self.maps.len()
+    }
+
+    /// A ray with place and direction of one of its images; its flux is that of all.
+    pub fn image(&self, number: usize, ray: &Ray) -> Ray {
+        self.patch.image(&self.maps[number], ray)
+    }
+
+    /// Where the same image of a place lies.
+    pub fn image_of_place(&self, number: usize, (cell, [mut a, mut b]): (usize, [f64; 2])) -> (usize, [f64; 2]) {
+        let [columns, rows] = self.cells;
+        let (mut x, mut y) = (cell % columns, cell / columns);
+        if number & 4 != 0 {
+            // Only square grids have so many images.
+            (x, y, a, b) = (y, x, b, a);
+        }
+        if number & 1 != 0 {
+            (x, a) = (columns - 1 - x, 1.0 - a);
+        }
+        if number & 2 != 0 {
+            (y, b) = (rows - 1 - y, 1.0 - b);
+        }
+        (y * columns + x, [a, b])
+    }
+
+    /// Triangle and barycentric coordinates of a place; `None` where the grid is dark.
+    pub fn land_at(&self, (cell, [a, b]): (usize, [f64; 2])) -> Option<(usize, [f64; 3])> {
         let first = self.first_triangle[cell];
         let (second, shares) = match self.falls(cell) {
             true if a + b <= 1.0 => (0, [1.0 - a - b, a, b]),
@@ -390,6 +445,29 @@ mod tests {
             assert_eq!(at.len(), symmetry.images(), "{at:?}");
             let slants: Vec<f64> = images.iter().map(|image| image.direction.dot(axis())).collect();
             assert!(slants.iter().all(|slant| (slant - slants[0]).abs() < 1e-12));
+        }
+    }
+
+    /// Where the images of a ray land follows from where the ray lands: the same as sliding every image.
+    #[test]
+    fn images_land_at_the_images_of_the_place() {
+        for (symmetry, curvature) in [(Symmetry::TwoMirrors, 0.0), (Symmetry::FourMirrors, -0.8)] {
+            let patch = patch(curvature, symmetry);
+            let (grid, ..) = FocalGrid::new(patch, [20, 20], &[true; 400]);
+            for k in 1..500 {
+                let [x, y, z, w] = scatter(k);
+                let point_mm = patch.surface.point_mm(DVec2::new(1.2 * x - 0.6, 1.2 * y - 0.6));
+                let one = ray(point_mm, axis() + DVec3::new(z - 0.5, w - 0.5, 0.0));
+                let place = grid.place_of(&one).unwrap();
+                for (number, slid) in patch.images(&[one]).iter().enumerate() {
+                    let (triangle, shares) = grid.land(slid).unwrap();
+                    let image = grid.image(number, &one);
+                    assert_eq!((image.origin_mm, image.direction), (slid.origin_mm, slid.direction));
+                    let (same, near) = grid.land_at(grid.image_of_place(number, place)).unwrap();
+                    assert_eq!(same, triangle, "image {number} of ray {k}");
+                    assert!(shares.iter().zip(near).all(|(a, b)| (a - b).abs() < 1e-9), "{shares:?} {near:?}");
+                }
+            }
         }
     }
 

@@ -73,8 +73,10 @@ pub fn wrap(cloud: &Cloud<'_>, options: &HullOptions, limits: &Limits, watch: St
     };
     options.validate()?;
     sheet::wrap(cloud, patch, options.resolution, watch, |watch| {
-        let loose =
-            |rays: &[Ray]| -> Vec<Ray> { rays.iter().filter(|ray| patch.meet(ray).is_none()).copied().collect() };
+        let loose = |rays: &[Ray]| -> Vec<Ray> {
+            let alone: Vec<Ray> = rays.iter().filter(|ray| patch.meet(ray).is_none()).copied().collect();
+            patch.images(&alone)
+        };
         let pass = |watch: StageWatch<'_>, visit: &(dyn Fn(&[Ray]) + Sync)| {
             let visit_chunk = |rays: &[Ray]| {
                 visit(&loose(rays));

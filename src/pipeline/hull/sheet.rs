@@ -52,7 +52,7 @@ pub fn wrap(
         }
         Ok(())
     };
-    cloud.without_images().fold(watch.part(0.0, 0.4), (), look, |(), ()| ())?;
+    cloud.fold(watch.part(0.0, 0.4), (), look, |(), ()| ())?;
     let lit = patch.symmetry.spread(cells, lit.into_iter().map(AtomicBool::into_inner).collect());
     let (mut grid, vertices_mm, triangles) = FocalGrid::new(patch, cells, &lit);
     let cell_mm = FocalGrid::size_mm(&patch, cells);
