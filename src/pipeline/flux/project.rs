@@ -440,10 +440,10 @@ mod tests {
                 let direction = DVec3::new(z - 0.5, w - 0.5, (x * 7.0).fract() - 0.3);
                 let ray = ray(DVec3::new(x, y, off_mm), direction);
                 let near = projector.cells.near(ray.origin_mm).and_then(|near| projector.crossing_near(&ray, &near));
-                if let Some((triangle, t)) = near {
+                if let Some(Crossing { triangle, t, .. }) = near {
                     settled += 1;
-                    let (by_tree, t_by_tree) = projector.crossing_anywhere(&ray).unwrap();
-                    assert!((t - t_by_tree).abs() < 1e-12, "ray {k}: {t} on {triangle}, {t_by_tree} on {by_tree}");
+                    let tree = projector.crossing_anywhere(&ray).unwrap();
+                    assert!((t - tree.t).abs() < 1e-12, "ray {k}: {t} on {triangle}, {} on {}", tree.t, tree.triangle);
                 }
             }
             assert!(settled > 500, "only {settled} of 4999 were compared");
