@@ -1,7 +1,8 @@
-//! Why believe the numbers: known sources through the whole pipeline, against exact answers. The table in `README.md` is made
-//! here and compared here, so it holds what was measured and nothing else.
+//! Why believe the numbers: known sources through the whole pipeline, against exact answers. The tables in `ACCURACY.md` beside this
+//! file, and their first row of each source in the `README.md` of the project, are made here and compared here, so they hold what was
+//! measured and nothing else.
 //!
-//! `WRITE_README=1 cargo test --test accuracy` writes it anew.
+//! `WRITE_README=1 cargo test --test accuracy` writes them anew.
 
 #![expect(clippy::unwrap_used, reason = "what a test stumbles over is its finding")]
 
@@ -16,6 +17,9 @@ use std::sync::Arc;
 const RAYS: u64 = 1_000_000;
 /// Steps of the exact integral, both ways.
 const STEPS: usize = 1500;
+/// Pages with a table between two marks: that of the project, and all numbers.
+const README: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/README.md");
+const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/accuracy/ACCURACY.md");
 const BEGIN: &str = "<!-- accuracy: made by tests/accuracy -->\n";
 const END: &str = "<!-- accuracy: end -->\n";
 
@@ -28,6 +32,16 @@ struct Row {
     ours: f64,
     /// Largest relative error that passes.
     within: f64,
+}
+
+impl Row {
+    /// As a row of a table.
+    fn cells(&self) -> String {
+        let Row { source, what, unit, exact, ours, .. } = self;
+        let error = format!("{:+.2}", 100.0 * (ours / exact - 1.0)).replace("-0.00", "0.00").replace("+0.00", "0.00");
+        let (exact, ours) = (digits(*exact), digits(*ours));
+        format!("| {source} | {what} | {exact} {unit} | {ours} {unit} | {error} % |")
+    }
 }
 
 /// A known source and its model.
@@ -51,6 +65,12 @@ impl Bench {
         };
         let outcome = run(&[input], &Options::default(), &Limits::default(), &NoProgress).unwrap();
         Bench { source, outcome, rows: Vec::new() }
+    }
+
+    /// What the verification of the model says of a view.
+    fn figure(&self, view: &View) -> &Figure {
+        let study = self.outcome.model.study.as_ref().unwrap();
+        study.figures.iter().find(|figure| figure.view == *view).unwrap()
     }
 
     fn row(mut self, what: &'static str, unit: &'static str, exact: f64, ours: f64, within: f64) -> Bench {
@@ -174,18 +194,28 @@ fn benches() -> Vec<Bench> {
 
 /// What each model's verification says: how far a model of a part of the rays, and these rays themselves, are from up to a million others.
 fn proof(benches: &[Bench]) -> String {
-    let views = [View::Plane(0.5), View::Plane(2.0), View::FarField];
+    let views = [View::Plane(0.1), View::Plane(0.5), View::Plane(2.0), View::Plane(10.0), View::FarField];
     let mut text = String::from(
-        "| known source | rays | irradiance at 0.5 sizes: model, rays | at 2 sizes | far field |\n|---|---:|---:|---:|---:|\n",
+        "| known source | rays | at 0.1 sizes: model, rays | at 0.5 sizes | at 2 sizes | at 10 sizes | far field |\n\
+         |---|---:|---:|---:|---:|---:|---:|\n",
     );
     for bench in benches {
-        let study = bench.outcome.model.study.as_ref().unwrap();
-        let figure = |view: &View| study.figures.iter().find(|figure| figure.view == *view).unwrap();
-        let cells: Vec<String> = views.iter().map(|view| told(figure(view))).collect();
-        text += &format!("| {} | {} | {} |\n", bench.source.name, study.training_rays, cells.join(" | "));
-        for view in &views {
-            assert!(!figure(view).is_worse_than_rays(), "{}, {view}: worse than its rays", bench.source.name);
-        }
+        let cells: Vec<String> = views.iter().map(|view| told(bench.figure(view))).collect();
+        let rays = bench.outcome.model.study.as_ref().unwrap().training_rays;
+        text += &format!("| {} | {rays} | {} |\n", bench.source.name, cells.join(" | "));
+    }
+    text
+}
+
+/// One number of each source that is known, and how far its light at half a size from it is from other rays.
+fn summary(benches: &[Bench]) -> String {
+    let mut text = String::from(
+        "| known source | what | exact | ours | error | half a size in front: model, rays |\n|---|---|---:|---:|---:|---:|\n",
+    );
+    for bench in benches {
+        let row = bench.rows.last().unwrap();
+        let near = told(bench.figure(&View::Plane(0.5)));
+        text += &format!("{} {near} |\n", row.cells());
     }
     text
 }
@@ -201,10 +231,9 @@ fn told(figure: &Figure) -> String {
 
 fn table(rows: &[&Row]) -> String {
     let mut text = String::from("| known source | what | exact | ours | error |\n|---|---|---:|---:|---:|\n");
-    for Row { source, what, unit, exact, ours, .. } in rows {
-        let error = format!("{:+.2}", 100.0 * (ours / exact - 1.0)).replace("-0.00", "0.00").replace("+0.00", "0.00");
-        let (exact, ours) = (digits(*exact), digits(*ours));
-        text += &format!("| {source} | {what} | {exact} {unit} | {ours} {unit} | {error} % |\n");
+    for row in rows {
+        text += &row.cells();
+        text += "\n";
     }
     text
 }
@@ -214,23 +243,33 @@ fn digits(value: f64) -> String {
     format!("{value:.*}", (3.0 - value.log10().floor()).max(0.0) as usize)
 }
 
+/// Compares the table between the marks of a page with what was `made`, or writes it there.
+fn keep(page: &str, made: &str) {
+    let text = std::fs::read_to_string(page).unwrap();
+    let (before, rest) = text.split_once(BEGIN).expect("the page has the mark of the table");
+    let (found, after) = rest.split_once(END).expect("the page has the mark of the table's end");
+    if std::env::var_os("WRITE_README").is_some() {
+        std::fs::write(page, [before, BEGIN, made, END, after].concat()).unwrap();
+    } else {
+        assert_eq!(found, made, "{page} tells other numbers; write them anew with WRITE_README=1");
+    }
+}
+
 #[test]
 fn known_sources_come_back_and_the_readme_says_how_well() {
     let benches = benches();
     let rows: Vec<&Row> = benches.iter().flat_map(|bench| &bench.rows).collect();
-    let made = table(&rows) + "\n" + &proof(&benches);
-    println!("{made}");
+    let all = table(&rows) + "\n" + &proof(&benches);
+    println!("{all}");
     for row in &rows {
         let error = (row.ours / row.exact - 1.0).abs();
         assert!(error <= row.within, "{}, {}: {error:.4} off, {} allowed", row.source, row.what, row.within);
     }
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/README.md");
-    let readme = std::fs::read_to_string(path).unwrap();
-    let (before, rest) = readme.split_once(BEGIN).expect("README.md has the mark of the table");
-    let (found, after) = rest.split_once(END).expect("README.md has the mark of the table's end");
-    if std::env::var_os("WRITE_README").is_some() {
-        std::fs::write(path, [before, BEGIN, &made, END, after].concat()).unwrap();
-    } else {
-        assert_eq!(found, made, "README.md tells other numbers; write them anew with WRITE_README=1");
+    for bench in &benches {
+        for figure in &bench.outcome.model.study.as_ref().unwrap().figures {
+            assert!(!figure.is_worse_than_rays(), "{}, {}: worse than its rays", bench.source.name, figure.view);
+        }
     }
+    keep(README, &summary(&benches));
+    keep(PAGE, &all);
 }

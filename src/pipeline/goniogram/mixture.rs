@@ -10,8 +10,8 @@ pub const MOST: usize = 4;
 
 /// Where a vertex has all zones of its kind near, they reach so many times the distance of the farthest.
 const BEYOND_LAST: f64 = 1.2;
-/// Rounds in which the distributions are sharpened.
-const ROUNDS: usize = 3;
+/// Rounds in which the distributions are sharpened; more bring nothing.
+const ROUNDS: usize = 12;
 
 /// Zones of a vertex and their weights, which sum to 1. Places that are not used hold the first zone and weight 0.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -12,8 +12,11 @@ pub use levels::{Edge, Levels, Sharing};
 
 use rayon::prelude::*;
 
-/// How much more than expected noise must explain before a difference counts: 1 follows noise where the true ratio is flat, 2 blurs.
-const CAUTION: f64 = 1.5;
+/// How much more than expected noise must explain before a difference counts: where a scale shows nothing but noise, since by 1 noise would be
+/// followed now and then; and where it shows much more, since nearly all of a difference is signal there.
+const CAUTION: [f64; 2] = [1.5, 0.7];
+/// Signal on a scale, in parts of its noise, at which the caution is halfway between the two.
+const HALFWAY: f64 = 0.5;
 /// The variance of a scale is at least this part of what it was before what coarser scales took of it.
 const LEAST_NEW_NOISE: f64 = 0.25;
 /// Steps of the walk on the next coarser level over which signal and noise are averaged, where the sites have edges: three times as wide
@@ -111,8 +114,10 @@ fn lanes<const L: usize>(levels: &Levels, counted: [&Counted<'_>; L]) -> [Refine
         let of_cluster = |k: usize| compared(&clusters[k], &smooth[k], &noise[k], &rays);
         let found: Vec<[[f64; L]; 3]> = (0..clusters.len()).map(of_cluster).collect();
         let powers = found.iter().zip(&clusters).map(|(found, [expected, ..])| powers(found, expected));
-        let powers = levels.surroundings(scale, powers.collect());
-        let trusted = found.iter().zip(&powers).map(|(found, powers)| trusted(found, powers, &trusts));
+        let powers: Vec<[[f64; L]; 3]> = powers.collect();
+        let cautions = cautions(&powers);
+        let powers = levels.surroundings(scale, powers);
+        let trusted = found.iter().zip(&powers).map(|(found, powers)| trusted(found, powers, &trusts, &cautions));
         let trusted = levels.interpolate(scale, trusted.collect());
         let mut sums = [0.0; L];
         for (site, [change, whole, fresh]) in trusted.into_iter().enumerate() {
@@ -166,18 +171,30 @@ fn powers<const L: usize>([excess, _, fresh]: &[[f64; L]; 3], expected: &[f64; L
     powers
 }
 
+/// How much of a difference on a scale noise must explain, by the `powers` of all of its clusters.
+fn cautions<const L: usize>(powers: &[[[f64; L]; 3]]) -> [f64; L] {
+    std::array::from_fn(|lane| {
+        let sum = |which: usize| -> f64 { powers.iter().map(|powers| powers[which][lane]).sum() };
+        let (noise, seen) = (sum(0), sum(1));
+        let signal = if noise > 0.0 { (seen / noise - 1.0).max(0.0) } else { 0.0 };
+        let [alone, least] = CAUTION;
+        least + (alone - least) / (1.0 + signal / HALFWAY)
+    })
+}
+
 /// The part of what was found that is signal, by the powers in its surroundings.
 fn trusted<const L: usize>(
     [excess, whole, fresh]: &[[f64; L]; 3],
     [noise, signal, weight]: &[[f64; L]; 3],
     trusts: &[Trust; L],
+    cautions: &[f64; L],
 ) -> [[f64; L]; 3] {
     let mut trusted = [[0.0; L]; 3];
     for lane in 0..L {
         let noise = noise[lane] / weight[lane];
-        let power = signal[lane] / weight[lane] - CAUTION * noise;
+        let power = signal[lane] / weight[lane] - cautions[lane] * noise;
         let own = if trusts[lane] == Trust::Own { fresh[lane] } else { noise };
-        let trust = if power > 0.0 { power / (power + CAUTION * own) } else { 0.0 };
+        let trust = if power > 0.0 { power / (power + cautions[lane] * own) } else { 0.0 };
         trusted[0][lane] = trust * excess[lane];
         trusted[1][lane] = trust * whole[lane];
         trusted[2][lane] = trust * trust * fresh[lane];
