@@ -3,7 +3,7 @@
 use super::Amounts;
 use crate::error::Error;
 use crate::hull::Hull;
-use crate::smoothing::{Counted, Edge, LANES, Levels, Sharing, WINDOW, refine, refine_all};
+use crate::smoothing::{Counted, Edge, LANES, Levels, PLACES, Sharing, refine, refine_all};
 use crate::source::Spectral;
 use crate::vocabulary::units::Flux;
 use crate::vocabulary::watch::StageWatch;
@@ -105,7 +105,7 @@ fn levels(hull: &Hull) -> Levels {
     let kinds: Vec<u32> =
         hull.vertex_normals().iter().zip(&hull.face_of_vertex).map(|(n, face)| 6 * face + facing(*n)).collect();
     let edges: Vec<Edge> = edges.into_iter().map(|(a, b)| (a, b, 1.0)).collect();
-    Levels::new(&hull.vertices_mm, &kinds, &edges, spacing, Sharing::ThreeCorners, WINDOW)
+    Levels::new(&hull.vertices_mm, &kinds, &edges, spacing, Sharing::ThreeCorners, PLACES)
 }
 
 /// Which face of a cube a normal belongs to, 0 to 5.

@@ -2,7 +2,7 @@
 
 use super::ancestry::Ancestry;
 use super::sphere::SphereGrid;
-use crate::smoothing::{Counted, Edge, Levels, Refined, Sharing, Trust, WIDE_WINDOW, refine, refine_all};
+use crate::smoothing::{Counted, DIRECTIONS, Edge, Levels, Refined, Sharing, Trust, refine, refine_all};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -78,10 +78,10 @@ impl<'a> Directions<'a> {
             }
         }
         let spacing = (4.0 * PI / points.len() as f64).sqrt();
-        let levels = Levels::new(&points, &vec![0; points.len()], &edges, spacing, Sharing::None, WIDE_WINDOW);
+        let levels = Levels::new(&points, &vec![0; points.len()], &edges, spacing, Sharing::None, DIRECTIONS);
         let gammas: Vec<DVec3> = (0..=last).map(|k| DVec3::new(0.0, 0.0, k as f64 * dg)).collect();
         let steps: Vec<Edge> = (0..last as u32).map(|k| (k, k + 1, ((f64::from(k) + 0.5) * dg).sin())).collect();
-        let rings = Levels::new(&gammas, &vec![0; last + 1], &steps, dg, Sharing::None, WIDE_WINDOW);
+        let rings = Levels::new(&gammas, &vec![0; last + 1], &steps, dg, Sharing::None, DIRECTIONS);
         Directions { grid, levels, rings, solid_angles_sr: grid.cell_solid_angles_sr(), samples: samples(grid) }
     }
 

@@ -152,13 +152,29 @@ struct Level {
     noise: Rows,
 }
 
+/// What kind of field the sites hold.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Field {
+    /// Steps of the walk on the next coarser level over which signal and noise are averaged.
+    window: usize,
+    /// How much more than expected noise must explain before a difference counts, where a scale shows nothing but noise, and where it shows
+    /// much more: 1 follows noise where the true ratio is flat, 2 blurs.
+    pub caution: [f64; 2],
+}
+
+/// Places: surfaces and volumes have edges, and where a scale shows any, nearly all of a difference is signal. The window is three times as
+/// wide as the smoothing, so that an edge is seen where it is.
+pub const PLACES: Field = Field { window: 4, caution: [1.5, 0.7] };
+/// The sphere of directions: intensity is smooth. The window is wider, because over few sites noise passes for a signal now and then.
+pub const DIRECTIONS: Field = Field { window: 7, caution: [1.5, 1.5] };
+
 /// Sites, from the finest level to the coarsest.
 pub struct Levels {
     levels: Vec<Level>,
     /// The variance of an unsmoothed amount of level 0, in parts of that of a ray that goes to one site.
     own_noise: f64,
-    /// How many steps the surroundings of a cluster reach.
-    window: usize,
+    /// What the sites hold.
+    field: Field,
 }
 
 /// One scale of smoothing: a level, smoothed or (the last, on level 0) as counted.
@@ -169,15 +185,19 @@ pub struct Scale {
 }
 
 impl Levels {
-    /// Levels of sites at `points` whose typical distance is `spacing`. Sites whose `kinds` differ share no cluster. `window`: steps of the
-    /// walk on the next coarser level over which [`Levels::surroundings`] reach.
+    /// What kind of field the sites hold.
+    pub fn field(&self) -> Field {
+        self.field
+    }
+
+    /// Levels of sites at `points` whose typical distance is `spacing`. Sites whose `kinds` differ share no cluster.
     pub fn new(
         points: &[DVec3],
         kinds: &[u32],
         edges: &[Edge],
         spacing: f64,
         sharing: Sharing,
-        window: usize,
+        field: Field,
     ) -> Levels {
         let shared = sharing != Sharing::None;
         let own: Vec<u32> = (0..points.len() as u32).collect();
@@ -205,7 +225,7 @@ impl Levels {
             }
             levels.push(coarser);
         }
-        Levels { levels, own_noise: sharing.noise(), window }
+        Levels { levels, own_noise: sharing.noise(), field }
     }
 
     /// From coarse to fine.
@@ -241,8 +261,9 @@ impl Levels {
 
     /// Sums of amounts over the surroundings of each cluster.
     pub fn surroundings<T: Numbers>(&self, scale: Scale, amounts: Vec<T>) -> Vec<T> {
-        let walk =
-            |level: &Level, amounts: Vec<T>| (0..self.window).fold(amounts, |amounts, _| level.spread.apply(&amounts));
+        let walk = |level: &Level, amounts: Vec<T>| {
+            (0..self.field.window).fold(amounts, |amounts, _| level.spread.apply(&amounts))
+        };
         let Some(coarser) = self.levels.get(scale.level + 1) else { return walk(&self.levels[scale.level], amounts) };
         let sums = walk(coarser, sums(&amounts, &coarser.parent, coarser.spread.len()));
         coarser.parent.iter().map(|parent| sums[*parent as usize]).collect()

@@ -8,22 +8,15 @@
 /// Neighbouring sites, and the same sites in ever larger clusters.
 mod levels;
 
-pub use levels::{Edge, Levels, Sharing};
+use levels::Field;
+pub use levels::{DIRECTIONS, Edge, Levels, PLACES, Sharing};
 
 use rayon::prelude::*;
 
-/// How much more than expected noise must explain before a difference counts: where a scale shows nothing but noise, since by 1 noise would be
-/// followed now and then; and where it shows much more, since nearly all of a difference is signal there.
-const CAUTION: [f64; 2] = [1.5, 0.7];
 /// Signal on a scale, in parts of its noise, at which the caution is halfway between the two.
 const HALFWAY: f64 = 0.5;
 /// The variance of a scale is at least this part of what it was before what coarser scales took of it.
 const LEAST_NEW_NOISE: f64 = 0.25;
-/// Steps of the walk on the next coarser level over which signal and noise are averaged, where the sites have edges: three times as wide
-/// as the smoothing, so that an edge is seen where it is.
-pub const WINDOW: usize = 4;
-/// The same where they have none, on the sphere of directions: wider, because over few sites noise passes for a signal now and then.
-pub const WIDE_WINDOW: usize = 7;
 /// A part of a ray that stands under every sum, so that dark places have a ratio.
 const FLOOR_RAYS: f64 = 1e-6;
 
@@ -115,7 +108,7 @@ fn lanes<const L: usize>(levels: &Levels, counted: [&Counted<'_>; L]) -> [Refine
         let found: Vec<[[f64; L]; 3]> = (0..clusters.len()).map(of_cluster).collect();
         let powers = found.iter().zip(&clusters).map(|(found, [expected, ..])| powers(found, expected));
         let powers: Vec<[[f64; L]; 3]> = powers.collect();
-        let cautions = cautions(&powers);
+        let cautions = cautions(&powers, levels.field());
         let powers = levels.surroundings(scale, powers);
         let trusted = found.iter().zip(&powers).map(|(found, powers)| trusted(found, powers, &trusts, &cautions));
         let trusted = levels.interpolate(scale, trusted.collect());
@@ -172,12 +165,12 @@ fn powers<const L: usize>([excess, _, fresh]: &[[f64; L]; 3], expected: &[f64; L
 }
 
 /// How much of a difference on a scale noise must explain, by the `powers` of all of its clusters.
-fn cautions<const L: usize>(powers: &[[[f64; L]; 3]]) -> [f64; L] {
+fn cautions<const L: usize>(powers: &[[[f64; L]; 3]], field: Field) -> [f64; L] {
     std::array::from_fn(|lane| {
         let sum = |which: usize| -> f64 { powers.iter().map(|powers| powers[which][lane]).sum() };
         let (noise, seen) = (sum(0), sum(1));
         let signal = if noise > 0.0 { (seen / noise - 1.0).max(0.0) } else { 0.0 };
-        let [alone, least] = CAUTION;
+        let [alone, least] = field.caution;
         least + (alone - least) / (1.0 + signal / HALFWAY)
     })
 }
@@ -218,7 +211,7 @@ mod tests {
         let right = (0..side * side).filter(|k| k % side + 1 < side).map(|k| (k, k + 1, 1.0));
         let down = (0..side * side).filter(|k| k / side + 1 < side).map(|k| (k, k + side, 1.0));
         let edges: Vec<Edge> = right.chain(down).collect();
-        Levels::new(&points, &vec![0; points.len()], &edges, 1.0, Sharing::None, WINDOW)
+        Levels::new(&points, &vec![0; points.len()], &edges, 1.0, Sharing::None, PLACES)
     }
 
     /// Numbers that scatter like counts of `mean` rays: ± √mean by a fixed pattern.
@@ -306,11 +299,11 @@ mod tests {
     /// A single site, sites without neighbours, two kinds side by side.
     #[test]
     fn odd_graphs_are_levels_too() {
-        let alone = Levels::new(&[DVec3::ZERO], &[0], &[], 1.0, Sharing::ThreeCorners, WINDOW);
+        let alone = Levels::new(&[DVec3::ZERO], &[0], &[], 1.0, Sharing::ThreeCorners, PLACES);
         assert_eq!(one(&alone, &[3.0], &[1.0], 1.0).amounts, [3.0]);
         let points = [DVec3::ZERO, DVec3::X, 5.0 * DVec3::X, 6.0 * DVec3::X];
         let apart =
-            Levels::new(&points, &[0, 0, 1, 1], &[(0, 1, 1.0), (2, 3, 1.0)], 1.0, Sharing::ThreeCorners, WINDOW);
+            Levels::new(&points, &[0, 0, 1, 1], &[(0, 1, 1.0), (2, 3, 1.0)], 1.0, Sharing::ThreeCorners, PLACES);
         let found = one(&apart, &[900.0, 900.0, 100.0, 100.0], &[1.0; 4], 1.0).amounts;
         assert!(found[0] > 850.0 && found[3] < 150.0, "{found:?}");
     }

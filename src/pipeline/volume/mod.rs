@@ -12,7 +12,7 @@ use crate::flux::exitance;
 use crate::flux::tally::{self, Deposit, Kept, Quanta, Tally};
 use crate::hull::Cloud;
 use crate::options::FluxOptions;
-use crate::smoothing::{Levels, Sharing, WINDOW};
+use crate::smoothing::{Levels, PLACES, Sharing};
 use crate::source::Ray;
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::units::Flux;
@@ -85,7 +85,7 @@ impl Plan {
             let (points_mm, edges) = (lattice.points_mm(), lattice.edges());
             let spacing_mm = lattice.pitch_mm.element_product().cbrt();
             let kinds = vec![0; points_mm.len()];
-            let levels = Levels::new(&points_mm, &kinds, &edges, spacing_mm, Sharing::EightCorners, WINDOW);
+            let levels = Levels::new(&points_mm, &kinds, &edges, spacing_mm, Sharing::EightCorners, PLACES);
             exitance::smooth_amounts(&levels, &volumes_mm3, &mut nodes, ray, cloud.spectral(), watch)?;
         }
         watch.step(1.0)?;
