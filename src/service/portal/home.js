@@ -118,7 +118,7 @@ async function listed(section, path, member, none, show) {
 }
 
 /** Names of the ray sets that jobs were made of; those of deleted ones are not known any more. */
-async function namesOf(jobs) {
+export async function namesOf(jobs) {
   const ids = new Set(jobs.flatMap(({ channels }) => channels.filter(({ name }) => !name).map(({ ray_set: id }) => id)));
   await Promise.all([...ids].filter((id) => !known.has(id)).map((id) => json(`v1/ray-sets/${id}`).then((set) => known.set(id, set.name)).catch(() => known.set(id, null))));
   return known;
