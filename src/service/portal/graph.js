@@ -36,10 +36,10 @@ export function graph(title, curves, { across, unit, least = 0, most = null, mar
   const columns = stepAcross ? stepAcross.filter((value) => value >= first && value <= last) : ticks(first, last, 6);
   const id = name("graph");
   const path = (points) => `M${points.map(([at, value]) => `${x(at).toFixed(1)} ${y(value).toFixed(1)}`).join("L")}`;
-  const drawing = s("svg", { viewBox: `-34 -8 ${WIDE + 44} ${TALL + 24}`, role: "img", "aria-labelledby": id, class: "chart" },
+  const drawing = s("svg", { viewBox: `-40 -8 ${WIDE + 50} ${TALL + 26}`, role: "img", "aria-labelledby": id, class: "chart graph" },
     s("title", { id }, title),
-    rows.map((value) => [s("line", { x1: 0, x2: WIDE, y1: y(value), y2: y(value), class: "grid" }), s("text", { x: -4, y: y(value) + 2.6, class: "tick right" }, short(value))]),
-    columns.map((value) => [s("line", { x1: x(value), x2: x(value), y1: 0, y2: TALL, class: "grid" }), s("text", { x: x(value), y: TALL + 11, class: "tick" }, short(value))]),
+    rows.map((value) => [s("line", { x1: 0, x2: WIDE, y1: y(value), y2: y(value), class: "grid" }), s("text", { x: -4, y: y(value) + 3.4, class: "tick right" }, short(value))]),
+    columns.map((value) => [s("line", { x1: x(value), x2: x(value), y1: 0, y2: TALL, class: "grid" }), s("text", { x: x(value), y: TALL + 13, class: "tick" }, short(value))]),
     marks.map((value) => s("line", { x1: x(value), x2: x(value), y1: 0, y2: TALL, class: "here" })),
     curves.map(({ points, kind }) => s("path", { d: path(points), class: kind })));
   return h("figure", {}, drawing, below,

@@ -39,7 +39,7 @@ export class Illuminance {
     this.ramp = h("div", { class: "ramp" });
     this.ramp.style.background = GRADIENT;
     this.ticks = h("div", { class: "ticks" });
-    this.legend = h("div", { class: "legend", role: "img", "aria-label": "" }, this.ramp, this.ticks);
+    this.legend = h("div", { class: "legend", role: "img", hidden: true }, this.ramp, this.ticks);
     this.figures = h("dl", { class: "figures" });
     this.sections = h("div", { class: "stack" });
     this.status = h("p", { class: "hint", role: "status" });
@@ -117,7 +117,7 @@ export class Illuminance {
       }
       await this.take(fine, signal);
       if (signal.aborted) return;
-      put(this.status, words.plane.done(FINE.points, percent(FINE.tolerance)));
+      put(this.status, words.plane.done(this.lit.columns, percent(FINE.tolerance)));
       announce(words.plane.said(this.slider.getAttribute("aria-valuetext"), measured(this.lit.most, this.lit.unit)));
     } catch (error) {
       if (signal.aborted) return;
@@ -224,7 +224,11 @@ export class Illuminance {
     else return;
     event.preventDefault();
     clearTimeout(this.saying);
-    this.saying = setTimeout(() => announce(this.value.textContent), event.key === "Enter" ? 60 : SAY_MS);
+    this.saying = setTimeout(() => {
+      // The picture's own turn may come later than this on a busy machine.
+      this.read();
+      announce(this.value.textContent);
+    }, event.key === "Enter" ? 0 : SAY_MS);
   }
 
   async save(form) {

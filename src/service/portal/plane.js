@@ -14,6 +14,9 @@ const [NARROWEST_DEG, WIDEST_DEG] = [4, 50];
 export const COARSE = { points: 24, tolerance: 0.05 };
 export const FINE = { points: 128, tolerance: 0.005 };
 
+/** Numbers that the service computes at once, cells times bands; colours are found of all bands. */
+const MOST_NUMBERS = 262_144;
+
 const dot = (a, b) => a.reduce((sum, value, k) => sum + value * b[k], 0);
 
 export class Plane {
@@ -64,7 +67,9 @@ export class Plane {
     return Math.min(WIDEST_DEG, Math.max(NARROWEST_DEG, ...widths));
   }
 
-  question({ points, tolerance }) {
+  question({ points: wanted, tolerance }) {
+    const bands = this.light !== "color" ? 1 : (this.lamp.spectrum?.band_edges_nm.length ?? 6) - 1;
+    const points = Math.min(wanted, Math.floor(Math.sqrt(MOST_NUMBERS / bands)));
     const { vector } = this.sides[this.side];
     const far = this.front() + this.distance;
     const plain = (list) => list.map((value) => Number(value.toPrecision(9)) || 0);

@@ -47,7 +47,7 @@ export class View {
     this.ramp = h("div", { class: "ramp" });
     this.ramp.style.background = GRADIENT;
     this.ticks = h("div", { class: "ticks" });
-    this.legend = h("div", { class: "legend", role: "img", "aria-label": "" }, this.ramp, this.ticks);
+    this.legend = h("div", { class: "legend", role: "img", hidden: true }, this.ramp, this.ticks);
     this.cross = h("div", { class: "cross", hidden: true });
     this.axes = new Axes(this.lamp.directions);
     const move = (text, label, action) => h("button", { type: "button", "aria-label": label, title: label, onclick: () => { action(); this.moved(); } }, text);
