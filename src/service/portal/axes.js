@@ -18,7 +18,7 @@ export function beginnings(directions) {
 
 export class Axes {
   constructor(directions) {
-    this.element = s("svg", { class: "axes", viewBox: "-50 -44 100 88", "aria-hidden": "true" });
+    this.element = s("svg", { class: "axes", viewBox: "-56 -50 112 100", "aria-hidden": "true" });
     const named = beginnings(directions);
     this.text = words.view.frame(...named.map(([, vector]) => axisName(vector) ?? `(${vector.map((value) => value.toFixed(3)).join(", ")})`));
     // An axis and a beginning that lie along one another have one line with both names.
@@ -38,12 +38,13 @@ export class Axes {
   /** Draws them as the camera sees them. Lines are made once and moved: the picture turns many times a second. */
   show({ right, up }) {
     const along = (axis, vector) => axis.reduce((sum, value, k) => sum + value * vector[k], 0);
-    for (const { vector, line, text } of this.lines) {
+    for (const { vector, line, text, kind } of this.lines) {
       const [x, y] = [along(right, vector), -along(up, vector)];
       line.setAttribute("x2", (LONG * x).toFixed(1));
       line.setAttribute("y2", (LONG * y).toFixed(1));
-      text.setAttribute("x", ((LONG + 9) * x).toFixed(1));
-      text.setAttribute("y", ((LONG + 9) * y + 3).toFixed(1));
+      const out = LONG + (kind === "axis" ? 9 : 20);
+      text.setAttribute("x", (out * x).toFixed(1));
+      text.setAttribute("y", (out * y + 3).toFixed(1));
       // The name of an axis that points at the eye would lie on the others.
       text.setAttribute("visibility", Math.hypot(x, y) > 0.15 ? "visible" : "hidden");
     }

@@ -6,13 +6,15 @@ import { announce, button, field, h, name, problem, put, select } from "./dom.js
 import { Evaluation, evaluations } from "./evaluation.js";
 import { graph } from "./graph.js";
 import { coordinate, measured, percent, prefixed, significant, typed } from "./numbers.js";
-import { COARSE, FINE, Lit, Plane, STEPS } from "./plane.js";
+import { LEVELS, Lit, Plane, STEPS } from "./plane.js";
 import { words } from "./words.js";
 
 /** So long a slider rests before the service is asked. */
 const SOON_MS = 140;
 /** So long a cursor that keys move rests before its value is said. */
 const SAY_MS = 450;
+/** After an answer that took longer, a finer one would keep the service busy for too long: it ends after 20 s. */
+const SLOW_MS = 4000;
 const FORMS = ["csv", "tiff", "svg"];
 
 export class Illuminance {
@@ -48,7 +50,7 @@ export class Illuminance {
     this.element = h("section", { class: "card plane-card", "aria-labelledby": id },
       h("h2", { id }, words.plane.title),
       this.controls(),
-      h("div", { class: "plane-page" },
+      this.shown = h("div", { class: "plane-page" },
         h("div", { class: "stack" }, h("div", { class: "stage square" }, this.canvas, this.cross, this.ways), this.legend, this.value),
         h("div", { class: "stack" }, this.figures, this.sections)),
       this.status, this.failed,
@@ -98,27 +100,32 @@ export class Illuminance {
     this.slider.setAttribute("aria-valuetext", text);
     if (document.activeElement !== this.distance) this.distance.value = String(plane.distance);
     this.width.placeholder = String(plane.wide());
-    this.command.set(curl(evaluations(this.job), { json: plane.question(FINE) }));
+    this.asked(LEVELS.at(-1));
   }
 
-  /** Asks the service: soon a coarse answer, then a fine one in its place. What was asked before is not waited for. */
+  /** What is saved, and asked by the command: the plane with the points of a level. */
+  asked(level) {
+    this.question = this.plane.question(level);
+    this.command.set(curl(evaluations(this.job), { json: this.question }));
+  }
+
+  /** Asks the service: soon a coarse answer comes, then finer ones in its place. What was asked before is not waited for. */
   async ask() {
     this.running.abort();
     this.running = new AbortController();
     const { signal } = this.running;
-    const [coarse, fine] = [COARSE, FINE].map((how) => this.plane.question(how));
     this.element.setAttribute("aria-busy", "true");
+    // What is shown is of another plane until the first answer comes.
+    this.shown.classList.add("stale");
     try {
-      if (!this.evaluation.known(fine)) {
-        await sleep(SOON_MS, signal);
-        if (signal.aborted) return;
-        put(this.status, words.plane.comes);
-        await this.take(coarse, signal);
-      }
-      await this.take(fine, signal);
+      const finest = this.plane.question(LEVELS.at(-1));
+      if (!this.evaluation.known(finest)) await sleep(SOON_MS, signal);
+      const level = signal.aborted ? null : await this.refine(this.evaluation.known(finest) ? LEVELS.slice(-1) : LEVELS, signal);
       if (signal.aborted) return;
-      put(this.status, words.plane.done(this.lit.columns, percent(FINE.tolerance)));
-      announce(words.plane.said(this.slider.getAttribute("aria-valuetext"), measured(this.lit.most, this.lit.unit)));
+      this.asked(level);
+      const { columns, most, unit } = this.lit;
+      put(this.status, level === LEVELS.at(-1) ? words.plane.done(columns, percent(level.tolerance)) : words.plane.slow(columns, percent(level.tolerance)));
+      announce(words.plane.said(this.slider.getAttribute("aria-valuetext"), measured(most, unit)));
     } catch (error) {
       if (signal.aborted) return;
       put(this.status, "");
@@ -128,10 +135,29 @@ export class Illuminance {
     }
   }
 
+  /** Asks for one level after another, up to one that is slow; the last that was answered. */
+  async refine(levels, signal) {
+    let last = null;
+    for (const level of levels) {
+      const began = performance.now();
+      if (!last) put(this.status, words.plane.comes);
+      try {
+        await this.take(this.plane.question(level), signal);
+      } catch (error) {
+        if (last && error.code === "evaluation.too_long") return last;
+        throw error;
+      }
+      last = level;
+      if (signal.aborted || performance.now() - began > SLOW_MS) return last;
+    }
+    return last;
+  }
+
   async take(question, signal) {
     const answer = await this.evaluation.answer(question, signal, (found, seconds) => put(this.status, words.plane.busy(found.detail ?? found.title, seconds)));
     if (signal.aborted) return;
     put(this.failed);
+    this.shown.classList.remove("stale");
     this.lit = new Lit(answer);
     this.paint();
   }
@@ -233,7 +259,7 @@ export class Illuminance {
 
   async save(form) {
     put(this.failed);
-    await this.evaluation.save(this.plane.question(FINE), form, `${this.title} ${words.plane.file(this.plane.distance)}.${form}`.replaceAll("/", "-"))
+    await this.evaluation.save(this.question, form, `${this.title} ${words.plane.file(this.plane.distance)}.${form}`.replaceAll("/", "-"))
       .catch((error) => put(this.failed, problem(error)));
   }
 }

@@ -10,10 +10,8 @@ const [NEAREST, FARTHEST] = [0.05, 200];
 const FIRST_SIZES = 2;
 /** A plane is so wide that light within these angles to each side of its middle meets it, degrees. */
 const [NARROWEST_DEG, WIDEST_DEG] = [4, 50];
-/** Points along each side and error of a first answer, which comes soon, and of the one that takes its place. */
-export const COARSE = { points: 24, tolerance: 0.05 };
-export const FINE = { points: 128, tolerance: 0.005 };
-
+/** Points along each side and error of the answers that are asked for: the first comes soon, and a finer one takes its place. */
+export const LEVELS = [{ points: 24, tolerance: 0.05 }, { points: 64, tolerance: 0.02 }, { points: 128, tolerance: 0.005 }];
 /** Numbers that the service computes at once, cells times bands; colours are found of all bands. */
 const MOST_NUMBERS = 262_144;
 

@@ -15,7 +15,8 @@ const TURN_DEG = 5;
 /** While it moves, a picture that takes longer than this is drawn with half as many pixels, one that takes less than that with twice as many. */
 const SLOW_MS = 34;
 const FAST_MS = 12;
-const COARSEST = 4;
+/** Fewest pixels: a volume, whose every pixel is a sum along a line, needs fewer than a surface, whose vertices take the time. */
+const COARSEST = { surface: 2 * Math.SQRT2, volume: 4 };
 const REST_MS = 220;
 /** Parts of the way of a cut through the lamp. */
 const CUT_STEPS = 200;
@@ -151,7 +152,7 @@ export class View {
     // Without this, pictures would be asked for faster than they are drawn, and those on the screen would be old.
     this.picture.finish();
     const took = performance.now() - began;
-    if (took > SLOW_MS && this.coarse < COARSEST) this.coarse *= Math.SQRT2;
+    if (took > SLOW_MS && this.coarse < COARSEST[this.lamp.volume ? "volume" : "surface"]) this.coarse *= Math.SQRT2;
     else if (took < FAST_MS && this.coarse > 1) this.coarse = Math.max(1, this.coarse / Math.SQRT2);
     clearTimeout(this.settle);
     this.settle = setTimeout(() => this.request(), REST_MS + 10);

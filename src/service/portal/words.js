@@ -269,6 +269,7 @@ export const words = {
     wrong: "Give a length above 0 as a plain number, as 12.5.",
     comes: "The light is being computed.",
     done: (points, tolerance) => `${points} × ${points} points, each with an error of ${tolerance} or so against the model.`,
+    slow: (points, tolerance) => `${points} × ${points} points, each with an error of ${tolerance} or so against the model. More would take the service too long; the command line computes them.`,
     said: (at, most) => `${at}: at most ${most}`,
     busy: (why, seconds) => `${why} It is asked again in ${seconds} s.`,
     most: "Largest", mean: "Mean", least: "Smallest", even: "Smallest by mean", flux: "Meets the plane", wide: "Width",
