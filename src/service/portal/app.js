@@ -13,7 +13,7 @@ const ROUTES = [
   [/^#?\/?$/, (page) => homePage(page)],
   [/^#\/ray-sets\/([\w,-]+)$/, (page, signal, ids) => sourcePage(page, ids.split(","))],
   [/^#\/jobs\/([\w-]+)$/, (page, signal, id) => jobPage(page, id, signal)],
-  [/^#\/compare\/([\w-]+),([\w-]+)$/, (page, signal, ...ids) => comparePage(page, ids)],
+  [/^#\/compare\/([\w-]+),([\w-]+)$/, (page, signal, ...ids) => comparePage(page, ids, signal)],
 ];
 
 let left = new AbortController();

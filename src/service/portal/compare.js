@@ -10,12 +10,12 @@ import { fetched } from "./model.js";
 import { percent } from "./numbers.js";
 import { verdict } from "./quality.js";
 import { intensityAt, peakOf } from "./solid.js";
-import { link, View } from "./view.js";
+import { endWith, link, View } from "./view.js";
 import { words } from "./words.js";
 
 const KINDS = ["first", "second"];
 
-export async function comparePage(page, ids) {
+export async function comparePage(page, ids, signal) {
   put(page, h("p", { class: "card" }, words.model.loading));
   const jobs = await Promise.all(ids.map((id) => json(`v1/jobs/${encodeURIComponent(id)}`)));
   if (jobs.some(({ state }) => state !== "succeeded")) throw Object.assign(new Error(words.compare.notReady), { title: words.compare.notReadyTitle });
@@ -27,13 +27,13 @@ export async function comparePage(page, ids) {
   put(page,
     h("h1", {}, words.compare.heading(...models.map(({ title }) => title))),
     h("p", { class: "lead" }, words.compare.lead),
-    ...pictures(models, h("section", { class: "card", "aria-labelledby": "figures-title" }, h("h2", { id: "figures-title" }, words.compare.figures), table(words.compare.figures, [words.compare.figure, ...models.map(({ title }, k) => words.compare.column(k + 1, title)), words.compare.change], rows(models)))),
+    ...pictures(models, signal, h("section", { class: "card", "aria-labelledby": "figures-title" }, h("h2", { id: "figures-title" }, words.compare.figures), table(words.compare.figures, [words.compare.figure, ...models.map(({ title }, k) => words.compare.column(k + 1, title)), words.compare.change], rows(models)))),
     h("div", { class: "columns three" }, curves(models)));
   announce(document.title);
 }
 
 /** The two pictures with what they share, and their difference beside the table of their figures. */
-function pictures(models, figuresTable) {
+function pictures(models, signal, figuresTable) {
   try {
     const [one, two] = models.map(({ lamp }) => lamp);
     const box = { min: one.box.min.map((low, k) => Math.min(low, two.box.min[k])), max: one.box.max.map((high, k) => Math.max(high, two.box.max[k])) };
@@ -41,6 +41,7 @@ function pictures(models, figuresTable) {
     const modes = ["seen", "true", "exitance", "solid"].filter((mode) => mode !== "true" || (one.hasColour && two.hasColour));
     const views = models.map(({ lamp, title }, k) => new View(lamp, () => {}, { camera, modes, label: words.compare.column(k + 1, title) }));
     link(views);
+    endWith(signal, views);
     const difference = new Difference(...views);
     let isSoon = null;
     views.forEach((view) => {

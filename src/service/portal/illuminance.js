@@ -18,11 +18,13 @@ const SLOW_MS = 4000;
 const FORMS = ["csv", "tiff", "svg"];
 
 export class Illuminance {
-  constructor(lamp, job, title) {
+  /** Once `signal` says that the page is left, nothing more is asked. */
+  constructor(lamp, job, title, signal) {
     Object.assign(this, { lamp, job, title });
     this.plane = new Plane(lamp);
     this.evaluation = new Evaluation(job);
     Object.assign(this, { decades: 0, isHeld: false, greatest: null, lit: null, cursor: null, running: new AbortController() });
+    signal.addEventListener("abort", () => this.running.abort());
     this.build();
     // A page that is opened asks nothing of the service until somebody looks at this part of it.
     new IntersectionObserver((seen, watcher) => {

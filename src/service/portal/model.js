@@ -12,7 +12,7 @@ import { Illuminance } from "./illuminance.js";
 import { Lamp } from "./lamp.js";
 import { significant } from "./numbers.js";
 import { quality, verdict } from "./quality.js";
-import { View } from "./view.js";
+import { endWith, View } from "./view.js";
 import { words } from "./words.js";
 
 /** A finished job as a lamp, with its report and what it is called. */
@@ -28,7 +28,7 @@ export async function fetched(job) {
 }
 
 /** Fills `page` with the model of a job that has succeeded. */
-export async function modelPage(page, job) {
+export async function modelPage(page, job, signal) {
   put(page, h("p", { class: "card" }, words.model.loading));
   const { lamp, report, title } = await fetched(job);
   document.title = words.title(title);
@@ -37,13 +37,13 @@ export async function modelPage(page, job) {
     put(curves, charts(lamp, zone));
     put(light, spectra(lamp, zone));
   };
-  const pictured = picture(lamp, draw);
+  const pictured = picture(lamp, draw, signal);
   draw(null);
   put(page,
     h("div", { class: "row between" }, h("h1", {}, title), h("div", { class: "row" }, button(words.compare.choose, () => chooseOther(job)), again(job), removal(job))),
     headline(lamp, verdict(report)),
     h("div", { class: "lamp-page" },
-      h("div", { class: "stack" }, pictured, new Illuminance(lamp, job, title).element),
+      h("div", { class: "stack" }, pictured, new Illuminance(lamp, job, title, signal).element),
       h("div", { class: "stack" }, curves, light, colourOverAngle(lamp))),
     h("div", { class: "columns" },
       quality(report, job.notices),
@@ -51,9 +51,10 @@ export async function modelPage(page, job) {
 }
 
 /** The picture, or why there is none. */
-function picture(lamp, onzone) {
+function picture(lamp, onzone, signal) {
   try {
     const view = new View(lamp, onzone);
+    endWith(signal, [view]);
     const notes = [];
     if (lamp.volume) notes.push(h("p", { class: "hint" }, words.model.volume));
     // For tests, and for who looks at numbers in the console.

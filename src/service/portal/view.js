@@ -69,6 +69,7 @@ export class View {
   /** All of it as one part of a page. */
   get element() {
     this.value.id = "reading";
+    this.canvas.setAttribute("aria-describedby", "view-help reading");
     return h("section", { class: "view", "aria-label": this.label }, this.stage,
       h("div", { class: "under" }, this.legend, this.value), this.controls,
       h("p", { class: "hint" }, this.axes.text),
@@ -357,6 +358,11 @@ export class View {
     const { unit } = this.quantity();
     return { text: words.view.intensity(measured(value, unit), significant(c, 3), significant(gamma, 3)), value, unit, zone: null, point: met.point };
   }
+}
+
+/** Gives the graphics memory of pictures back once their page is left: a browser has only few of such pictures at a time. */
+export function endWith(signal, views) {
+  signal.addEventListener("abort", () => { for (const { picture } of views) picture.gl.getExtension("WEBGL_lose_context")?.loseContext(); });
 }
 
 /** Pictures with one camera, one scale and one pointer. */
