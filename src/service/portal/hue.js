@@ -51,7 +51,7 @@ function ribbon(list) {
   const [first, last] = [list[0].gamma, list.at(-1).gamma];
   const edge = (k) => (k <= 0 ? first : k >= list.length ? last : (list[k - 1].gamma + list[k].gamma) / 2);
   const at = (gamma) => (320 * (gamma - first)) / (last - first || 1);
-  return s("svg", { viewBox: "-40 0 370 14", class: "chart", role: "img", "aria-label": words.hue.ribbon },
+  return s("svg", { viewBox: "-40 0 370 14", class: "chart", role: "img", "aria-label": words.hue.ribbon, "shape-rendering": "crispEdges" },
     list.map(({ xyz }, k) => s("rect", { x: at(edge(k)), y: 0, height: 14, width: Math.max(0.5, at(edge(k + 1)) - at(edge(k)) + 0.3), fill: swatch(xyz) })));
 }
 

@@ -81,7 +81,7 @@ export class Illuminance {
       h("div", { class: "row distance" }, field(words.plane.distance, this.slider), field(words.plane.mm, this.distance)),
       h("div", { class: "row" },
         field(words.plane.side, select(plane.sides.map(({ gamma, c, axis }, k) => [String(k), words.plane.sides(gamma, c, axis)]), "0", (side) => this.move(() => { plane.side = Number(side); }))),
-        field(words.plane.width, this.width),
+        field(words.plane.width, this.width, words.plane.widthHint),
         field(words.plane.light, select(lights.map((light) => [light, words.plane.lights[light]]), plane.light, (light) => this.move(() => { plane.light = light; this.greatest = null; }))),
         field(words.view.range, select(words.view.ranges, "0", (decades) => { this.decades = Number(decades); this.paint(); })),
         h("label", { class: "check" }, h("input", { type: "checkbox", onchange: ({ target }) => { this.isHeld = target.checked; this.paint(); } }), words.view.hold)));

@@ -264,6 +264,7 @@ export const words = {
     side: "Plane lies towards",
     sides: (gamma, c, axis) => `γ ${gamma}°${gamma === 90 ? `, C ${c}°` : ""}${axis ? ` (${axis})` : ""}`,
     width: "Width, mm",
+    widthHint: "Left empty: as wide as the beam.",
     light: "Quantity",
     lights: { luminous: "illuminance, lx", radiant: "irradiance, W/m²", color: "true colour" },
     wrong: "Give a length above 0 as a plain number, as 12.5.",
