@@ -167,6 +167,7 @@ export async function a_plane_that_moves_on_is_not_waited_for_and_a_busy_service
   await page.route("**/evaluations", (route) => route.fulfill({ status: 422, headers: { "Content-Type": "application/problem+json" }, body: JSON.stringify({ title: "Too long", status: 422, code: "evaluation.too_long", detail: "It would take too long.", remedy: "Ask for fewer cells." }) }));
   await page.keyboard.press("ArrowLeft");
   await card(page).getByText("Ask for fewer cells.").waitFor();
+  await card(page).getByText("What is shown is still the plane before.").waitFor();
   await accessible(page, "an evaluation that fails");
   await page.unroute("**/evaluations");
   await card(page).getByRole("button", { name: "Try again" }).click();

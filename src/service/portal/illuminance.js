@@ -130,7 +130,7 @@ export class Illuminance {
       announce(words.plane.said(this.slider.getAttribute("aria-valuetext"), measured(most, unit)));
     } catch (error) {
       if (signal.aborted) return;
-      put(this.status, "");
+      put(this.status, this.lit && this.shown.classList.contains("stale") ? words.plane.before : "");
       put(this.failed, problem(error, h("p", {}, button(words.problem.again, () => this.ask()))));
     } finally {
       if (!signal.aborted) this.element.removeAttribute("aria-busy");

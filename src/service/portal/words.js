@@ -271,6 +271,7 @@ export const words = {
     comes: "The light is being computed.",
     done: (points, tolerance) => `${points} × ${points} points, each with an error of ${tolerance} or so against the model.`,
     slow: (points, tolerance) => `${points} × ${points} points, each with an error of ${tolerance} or so against the model. More would take the service too long; the command line computes them.`,
+    before: "What is shown is still the plane before.",
     said: (at, most) => `${at}: at most ${most}`,
     busy: (why, seconds) => `${why} It is asked again in ${seconds} s.`,
     most: "Largest", mean: "Mean", least: "Smallest", even: "Smallest by mean", flux: "Meets the plane", wide: "Width",
