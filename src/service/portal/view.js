@@ -18,6 +18,8 @@ const FAST_MS = 12;
 /** Fewest pixels: a volume, whose every pixel is a sum along a line, needs fewer than a surface, whose vertices take the time. */
 const COARSEST = { surface: 2 * Math.SQRT2, volume: 4 };
 const REST_MS = 220;
+/** So often its caption follows a picture that moves: changing the page takes as long as drawing the lamp. */
+const CAPTION_MS = 100;
 /** Parts of the way of a cut through the lamp. */
 const CUT_STEPS = 200;
 
@@ -178,6 +180,9 @@ export class View {
   /** Shows what was summed. */
   paint() {
     this.picture.draw(this.mode, { greatest: this.greatest / this.picture.unit(this.mode), decades: this.decades });
+    const now = performance.now();
+    if (now - (this.moving ?? 0) < REST_MS && now - (this.captionedAt ?? 0) < CAPTION_MS) return;
+    this.captionedAt = now;
     this.caption();
   }
 
