@@ -2,12 +2,15 @@
 import { mkdirSync, rmSync, writeFileSync } from "node:fs";
 import { fileURLToPath } from "node:url";
 import { launch } from "./browser.mjs";
+import * as compare from "./compare.mjs";
 import * as errors from "./errors.mjs";
+import * as lists from "./lists.mjs";
 import * as picture from "./picture.mjs";
+import * as plane from "./plane.mjs";
 import * as walks from "./walks.mjs";
 
 const FAILED = fileURLToPath(new URL("../../target/portal/failed", import.meta.url));
-const cases = Object.entries({ ...walks, ...picture, ...errors }).filter(([name]) => !process.argv[2] || name.includes(process.argv[2]));
+const cases = Object.entries({ ...walks, ...picture, ...plane, ...compare, ...lists, ...errors }).filter(([name]) => !process.argv[2] || name.includes(process.argv[2]));
 if (!cases.length) throw new Error("no case has such a name");
 
 rmSync(FAILED, { recursive: true, force: true });

@@ -125,6 +125,11 @@ export async function keys_are_asked_for_and_kept_for_the_tab(scene) {
   await page.waitForFunction(() => [...document.querySelectorAll(".drawing")].every((place) => place.shadowRoot?.querySelector("svg path, svg rect")));
   await page.getByRole("button", { name: "Build", exact: true }).click();
   await page.locator("canvas.lamp").waitFor();
+  // The model is evaluated with the key as well; the command names it, and does not tell it.
+  await page.locator(".plane-card").scrollIntoViewIfNeeded();
+  await page.locator(".plane-card").getByText(/points, each with an error/).waitFor();
+  const command = await page.locator(".plane-card pre").textContent();
+  assert.ok(command.includes('"Authorization: Bearer $KEY"') && !command.includes(service.key), command);
   const [download] = await Promise.all([page.waitForEvent("download"), page.getByRole("button", { name: "Everything in one zip file" }).click()]);
   assert.match(download.suggestedFilename(), /flat-chip\.tm25ray\.zip/);
   await page.reload();

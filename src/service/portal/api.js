@@ -19,8 +19,11 @@ export function address(path) {
   return new URL(path.startsWith("/") ? path : `./${path}`, site).href;
 }
 
-/** The answer to a request that succeeded; its body is unread. `json` is sent as JSON. */
-export async function ask(path, { json, headers, ...more } = {}) {
+/**
+ * The answer to a request that succeeded; its body is unread. `json` is sent as JSON. `mayRepeat`: a request that changes nothing, as all
+ * without a method; `onwait(problem, seconds)` is told before it is repeated.
+ */
+export async function ask(path, { json, headers, mayRepeat = false, onwait = null, ...more } = {}) {
   const body = json === undefined ? {} : { body: JSON.stringify(json), method: "POST" };
   const type = json === undefined ? {} : { "Content-Type": "application/json" };
   for (let tried = 1; ; tried += 1) {
@@ -39,10 +42,11 @@ export async function ask(path, { json, headers, ...more } = {}) {
       }
       continue;
     }
-    const wait = Number(answer.headers.get("Retry-After"));
-    const mayRepeat = !request.method || request.method === "GET" || answer.status === 429;
-    if (!(mayRepeat && [429, 503].includes(answer.status) && tried < TRIES)) throw found;
-    await sleep(1000 * Math.min(Math.max(wait, 1), 10));
+    const isSafe = mayRepeat || !request.method || request.method === "GET" || answer.status === 429;
+    if (!(isSafe && [429, 503].includes(answer.status) && tried < TRIES)) throw found;
+    const wait = Math.min(Math.max(Number(answer.headers.get("Retry-After")), 1), 10);
+    onwait?.(found, wait);
+    await sleep(1000 * wait, request.signal);
   }
 }
 
@@ -117,10 +121,11 @@ function parsed(block) {
   return found;
 }
 
-/** Gives a file of the service to the browser's downloads. Without a key the browser fetches it itself, however long it is. */
-export async function save(path, filename, onprogress) {
-  if (!key()) return follows(address(path), filename);
-  const answer = await ask(path);
+/** Gives a file of the service to the browser's downloads. Without a key the browser fetches it itself, however long it is;
+ * not where the file is the answer to a `request` of its own. */
+export async function save(path, filename, onprogress, request = null) {
+  if (!key() && !request) return follows(address(path), filename);
+  const answer = await ask(path, request ?? {});
   const length = Number(answer.headers.get("Content-Length")) || null;
   let come = 0;
   const counted = new TransformStream({

@@ -1,5 +1,6 @@
-// The pages by their addresses: #/ , #/ray-sets/ID[,ID..], #/jobs/ID. Each page gets an element and a signal that says it was left.
+// The pages by their addresses: #/ , #/ray-sets/ID[,ID..], #/jobs/ID, #/compare/ID,ID. Each page gets an element and a signal that says it was left.
 import { address } from "./api.js";
+import { comparePage } from "./compare.js";
 import { announce, button, h, problem, put } from "./dom.js";
 import { homePage } from "./home.js";
 import { jobPage } from "./job.js";
@@ -12,6 +13,7 @@ const ROUTES = [
   [/^#?\/?$/, (page) => homePage(page)],
   [/^#\/ray-sets\/([\w,-]+)$/, (page, signal, ids) => sourcePage(page, ids.split(","))],
   [/^#\/jobs\/([\w-]+)$/, (page, signal, id) => jobPage(page, id, signal)],
+  [/^#\/compare\/([\w-]+),([\w-]+)$/, (page, signal, ...ids) => comparePage(page, ids, signal)],
 ];
 
 let left = new AbortController();

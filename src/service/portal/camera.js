@@ -6,6 +6,7 @@ const FIELD = 28 * RAD;
 export class Camera {
   constructor(directions, box) {
     this.directions = directions;
+    this.box = box;
     this.middle = box.min.map((low, k) => (low + box.max[k]) / 2);
     this.radius = Math.max(Math.hypot(...box.min.map((low, k) => box.max[k] - low)) / 2, 1e-6);
     this.home();

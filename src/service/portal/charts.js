@@ -1,6 +1,7 @@
 // Charts of the model page: polar curves and spectra, with tables behind them.
 import { ofWavelength } from "./colour.js";
 import { h, name, s, table } from "./dom.js";
+import { graph, line } from "./graph.js";
 import { significant } from "./numbers.js";
 import { words } from "./words.js";
 
@@ -34,8 +35,13 @@ export function polar(title, curves, unit) {
     values(title, curves, unit));
 }
 
-function line(kind) {
-  return s("svg", { viewBox: "0 0 24 8", class: "stroke", "aria-hidden": "true" }, s("path", { d: "M1 4H23", class: kind }));
+/** The same curves over γ; the dark half of what goes one way only is left out. */
+export function cartesian(title, curves, unit) {
+  const most = Math.max(...curves.flatMap(({ points }) => points.map(([, value]) => value)), 1e-30);
+  const isHalf = curves.every(({ points }) => points.every(([deg, value]) => Math.abs(deg) <= 90 || value <= 1e-3 * most));
+  const shown = isHalf ? curves.map((curve) => ({ ...curve, points: curve.points.filter(([deg]) => Math.abs(deg) <= 90) })) : curves;
+  const step = isHalf ? 30 : 60;
+  return graph(words.charts.cartesian(title), shown, { across: words.charts.gamma, unit, stepAcross: Array.from({ length: 13 }, (_, k) => step * (k - 6)) });
 }
 
 /** The numbers behind polar curves, every 10 degrees. */
@@ -57,7 +63,7 @@ function values(title, curves, unit) {
       })])));
 }
 
-/** Spectra over the bands: W/nm each; the first is filled with the colours of light. */
+/** Spectra over bands that they share: W/nm each; the first is filled with the colours of light. */
 export function spectrum(title, edges, curves) {
   const [first, last] = [edges[0], edges.at(-1)];
   const most = Math.max(...curves.flatMap((curve) => curve.values), 1e-30);

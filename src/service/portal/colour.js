@@ -96,6 +96,14 @@ export function swatch(xyz) {
   return `rgb(${linear.map((value) => Math.round(255 * encoded(value / most))).join(" ")})`;
 }
 
+/** Bytes of sRGB of X, Y, Z, of which Y = 1 is white; colours outside of the screen's are paled until they are within, as in the shader. */
+export function screen(xyz) {
+  let linear = [0, 1, 2].map((row) => xyz.reduce((sum, value, column) => sum + RGB_FROM_XYZ[3 * column + row] * value, 0));
+  const [least, grey] = [Math.min(...linear), xyz[1]];
+  if (least < 0 && grey > 0) linear = linear.map((value) => grey + (value - grey) * (grey / (grey - least)));
+  return linear.map((value) => Math.round(255 * encoded(Math.min(1, Math.max(0, value)))));
+}
+
 const encoded = (value) => (value <= 0.0031308 ? 12.92 * value : 1.055 * value ** (1 / 2.4) - 0.055);
 
 /** A colour for a wavelength of a drawing. */

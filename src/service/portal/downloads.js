@@ -1,7 +1,8 @@
 // What can be taken away: every file with what it is for, new rays, and this page as commands.
-import { address, ask, json, save } from "./api.js";
+import { ask, json, save } from "./api.js";
+import { command, curl } from "./command.js";
 import { announce, button, field, h, problem, put, select, table } from "./dom.js";
-import { key } from "./keys.js";
+import { evaluations } from "./evaluation.js";
 import { bytes, count, percent } from "./numbers.js";
 import { words } from "./words.js";
 
@@ -78,20 +79,17 @@ export function newRays(job) {
 
 /** What this page does, for scripts. */
 export function commands(job) {
-  const auth = key() ? " -H \"Authorization: Bearer $KEY\"" : "";
   const lines = [
-    [words.commands.job, `curl${auth} '${address(job.links.self)}'`],
-    [words.commands.zip, `curl${auth} -O '${address(job.links.zip)}'`],
-    [words.commands.artifacts, `curl${auth} '${address(job.links.artifacts)}'`],
-    [words.commands.rays, `curl${auth} -C - -o new.tm25ray '${address(job.links.artifacts.replace(/\/artifacts$/, "/rays"))}?count=10000000&seed=1&format=tm25'`],
-    [words.commands.again, `curl${auth} '${address("v1/jobs")}' -H 'Content-Type: application/json' -d '${JSON.stringify(request(job)).replaceAll("'", "'\\''")}'`],
+    [words.commands.job, curl(job.links.self)],
+    [words.commands.zip, curl(job.links.zip, { flags: "-O" })],
+    [words.commands.artifacts, curl(job.links.artifacts)],
+    [words.commands.rays, curl(`${job.links.artifacts.replace(/\/artifacts$/, "/rays")}?count=10000000&seed=1&format=tm25`, { flags: "-C - -o new.tm25ray" })],
+    [words.commands.intensity, curl(evaluations(job), { json: { view: { grid: { c_step_deg: 15, gamma_step_deg: 5 } }, format: "csv" } })],
+    [words.commands.again, curl("v1/jobs", { json: request(job) })],
   ];
   return h("section", { class: "card", "aria-labelledby": "commands-title" },
     h("h2", { id: "commands-title" }, words.commands.title),
-    h("details", {}, h("summary", {}, words.commands.show),
-      lines.map(([text, command]) => h("div", { class: "command" }, h("p", {}, text),
-        h("pre", { tabindex: 0, "aria-label": text }, command),
-        navigator.clipboard ? button(words.commands.copy, () => navigator.clipboard.writeText(command).then(() => announce(words.commands.copied), () => announce(words.commands.notCopied))) : null))));
+    h("details", {}, h("summary", {}, words.commands.show), lines.map(([text, line]) => command(text, line).element)));
 }
 
 /** The body of the request that makes an equal job: without what is not said. */

@@ -16,8 +16,8 @@ function fact(name, value, more, mark) {
   return h("div", { class: "fact" }, h("dt", {}, name), h("dd", {}, h("strong", {}, mark, value), more ? h("span", {}, more) : null));
 }
 
-/** The headline of a model: a list of facts. */
-export function headline(lamp, trust) {
+/** Figures of a lamp as texts: what it is, and more of it. */
+export function figures(lamp) {
   const { total, source } = lamp.goniograms;
   const { grid, unit } = intensities(lamp, total);
   const peak = greatest(grid, lamp.directions);
@@ -25,12 +25,22 @@ export function headline(lamp, trust) {
   const fluxes = [[total.flux_lm, "lm"], [total.flux_W, "W"]].filter(([flux]) => flux !== null && flux !== undefined);
   if (!lamp.isLuminous) fluxes.reverse();
   const size = lamp.box.min.map((low, k) => significant(lamp.box.max[k] - low, 3));
+  return {
+    peak, widths,
+    flux: [fluxes.map(([flux, name]) => `${significant(flux, 4)} ${name}`)[0] ?? "–", fluxes.slice(1).map(([flux, name]) => `${significant(flux, 4)} ${name}`).join(", ")],
+    intensity: [`${significant(peak.value, 4)} ${unit}`, words.facts.at(significant(peak.c, 3), significant(peak.gamma, 3))],
+    beam: [widths.every((width) => width === null) ? words.facts.noBeam : widths.map((width) => (width === null ? "–" : `${significant(width, 3)}°`)).join(" × "), words.facts.beamOf],
+    size: [`${size.join(" × ")} mm`, words.facts.rays(count(source.ray_count))],
+  };
+}
+
+/** The headline of a model: a list of facts. */
+export function headline(lamp, trust) {
+  const all = figures(lamp);
   return h("dl", { class: "facts" },
-    fact(words.facts.flux, fluxes.map(([flux, name]) => `${significant(flux, 4)} ${name}`)[0] ?? "–", fluxes.slice(1).map(([flux, name]) => `${significant(flux, 4)} ${name}`).join(", ")),
-    fact(words.facts.peak, `${significant(peak.value, 4)} ${unit}`, words.facts.at(significant(peak.c, 3), significant(peak.gamma, 3))),
-    fact(words.facts.beam, widths.every((width) => width === null) ? words.facts.noBeam : widths.map((width) => (width === null ? "–" : `${significant(width, 3)}°`)).join(" × "), words.facts.beamOf),
+    fact(words.facts.flux, ...all.flux), fact(words.facts.peak, ...all.intensity), fact(words.facts.beam, ...all.beam),
     colourFact(lamp),
-    fact(words.facts.size, `${size.join(" × ")} mm`, words.facts.rays(count(source.ray_count))),
+    fact(words.facts.size, ...all.size),
     trust ? fact(words.facts.trust, trust.short, h("a", { href: "#quality", onclick: (event) => { event.preventDefault(); document.getElementById("quality").focus(); document.getElementById("quality").scrollIntoView(); } }, words.facts.why)) : null);
 }
 
@@ -41,18 +51,24 @@ function greatest(grid, { c, gamma }) {
   return best;
 }
 
-/** Its chromaticity, and the temperature or wavelength people call it by. */
-function colourFact(lamp) {
+/** Its chromaticity, and the temperature or wavelength people call it by: a text, more of it, and X, Y, Z. */
+export function colourOf(lamp) {
   const xyz = tristimulus(lamp, lamp.goniograms.total);
-  if (!xyz) return fact(words.facts.colour, words.facts.unknown, words.facts.needsSpectrum);
+  if (!xyz) return [words.facts.unknown, words.facts.needsSpectrum, null];
   const point = chromaticity(xyz);
-  if (!point) return fact(words.facts.colour, words.facts.dark, null);
+  if (!point) return [words.facts.dark, null, null];
   const warm = temperature(point);
   const nm = warm ? null : dominant(point);
+  const called = warm ? words.facts.kelvin(count(Math.round(warm.kelvin / 10) * 10)) : nm ? words.facts.dominant(Math.round(nm)) : words.facts.purple;
+  return [called, words.facts.xy(point.x.toFixed(4), point.y.toFixed(4), warm ? warm.duv.toFixed(4) : null), xyz];
+}
+
+function colourFact(lamp) {
+  const [called, more, xyz] = colourOf(lamp);
+  if (!xyz) return fact(words.facts.colour, called, more);
   const mark = h("span", { class: "swatch", "aria-hidden": "true" });
   mark.style.background = swatch(xyz);
-  const called = warm ? words.facts.kelvin(count(Math.round(warm.kelvin / 10) * 10)) : nm ? words.facts.dominant(Math.round(nm)) : words.facts.purple;
-  return fact(words.facts.colour, called, words.facts.xy(point.x.toFixed(4), point.y.toFixed(4), warm ? warm.duv.toFixed(4) : null), mark);
+  return fact(words.facts.colour, called, more, mark);
 }
 
 /** X, Y, Z of an entry's flux; null where no spectrum is known. */

@@ -14,6 +14,12 @@ export class Directions {
     return [0, 1, 2].map((k) => sinG * cosC * this.x[k] + sinG * sinC * this.y[k] - cosG * this.z[k]);
   }
 
+  /** C and γ of a vector of the source frame, degrees. */
+  angles(vector) {
+    const [x, y, z] = [this.x, this.y, this.z].map((axis) => axis.reduce((sum, value, k) => sum + value * vector[k], 0));
+    return { c: ((Math.atan2(y, x) / RAD) + 360) % 360, gamma: Math.atan2(Math.hypot(x, y), -z) / RAD };
+  }
+
   /** Weights of the (at most) four nodes about a direction: `[c, gamma, weight]`. */
   nodes(cDeg, gammaDeg) {
     const count = this.c.length;
@@ -76,6 +82,26 @@ function coloured(entry, directions, spectrum, weigh) {
   const at = (axis) => (j, k) => grid.nodes(directions.c[j], directions.gamma[k])
     .reduce((sum, [c, gamma, weight]) => sum + weight * values[c][gamma][axis], 0) / sums[axis];
   return sums.map((sum, axis) => (sum > 0 ? at(axis) : null));
+}
+
+/**
+ * X, Y, Z of the light in the directions of the nodes, lm/sr, `[c][gamma]`: of the whole source where its own spectra by direction are
+ * known, else of its zones together; null where no spectra are.
+ */
+export function tristimulusGrid({ total, zones }, directions, spectrum, weigh) {
+  if (!spectrum || !total.spectral_flux_W_per_nm) return null;
+  const entries = total.spectral_intensity ? [total] : zones.filter((zone) => zone.spectral_flux_W_per_nm);
+  const out = directions.c.map(() => directions.gamma.map(() => [0, 0, 0]));
+  for (const entry of entries) {
+    const grid = entry.luminous_intensity_cd ?? entry.radiant_intensity_W_per_sr;
+    const sum = grid ? directions.integral((j, k) => grid[j][k]) : 0;
+    if (!(sum > 0)) continue;
+    const flux = weigh(entry.spectral_flux_W_per_nm);
+    const own = coloured(entry, directions, spectrum, weigh) ?? [];
+    const alike = (j, k) => grid[j][k] / sum;
+    out.forEach((row, j) => row.forEach((xyz, k) => flux.forEach((value, axis) => { xyz[axis] += value * (own[axis] ?? alike)(j, k); })));
+  }
+  return out;
 }
 
 /**

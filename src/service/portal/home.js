@@ -5,7 +5,8 @@ import { bytes, count, when } from "./numbers.js";
 import { send, transfers } from "./transfers.js";
 import { words } from "./words.js";
 
-const SHOWN = 12;
+/** So many of each list stand on the page at first. */
+const SHOWN = 6;
 /** What one answer may list. */
 const MOST_SHOWN = 100;
 const LOOK_AGAIN_MS = 3000;
@@ -95,17 +96,23 @@ async function listed(section, path, member, none, show) {
   const place = h("ul", { class: "cards" });
   const more = h("div", { class: "row" });
   const failed = h("div", {});
-  let [entries, limit] = [[], SHOWN];
-  const fetchAll = async () => {
-    const page = await json(`${path}?limit=${limit}`);
+  let [entries, isAll] = [[], false];
+  const fetchAll = async (isAsked = false) => {
+    const page = await json(`${path}?limit=${isAll ? MOST_SHOWN : SHOWN + 1}`);
     // Who is on an entry stays there.
-    if (place.contains(document.activeElement)) return;
+    if (!isAsked && place.contains(document.activeElement)) return;
     entries = page[member];
-    await show(entries, place);
-    put(more, page.next && limit < MOST_SHOWN ? button(words.home.more, () => { limit = Math.min(limit + 4 * SHOWN, MOST_SHOWN); return fetchAgain(); }) : null);
+    await show(isAll ? entries : entries.slice(0, SHOWN), place);
+    const isCut = !isAll && entries.length > SHOWN;
+    put(more, isCut ? button(words.home.all, showRest) : isAll && page.next ? h("p", { class: "hint" }, words.home.newest(MOST_SHOWN)) : null);
+  };
+  /** The entries that were left out; the first of them takes the focus of the button that is gone. */
+  const showRest = async () => {
+    isAll = true;
+    if (await fetchAgain(true)) place.children[SHOWN]?.querySelector("a").focus();
   };
   /** Whether asking once more may help: not without a key. What went wrong stands below the list until it is mended. */
-  const fetchAgain = () => fetchAll().then(() => { put(failed); return true; }, (error) => {
+  const fetchAgain = (isAsked) => fetchAll(isAsked).then(() => { put(failed); return true; }, (error) => {
     put(failed, problem(error));
     return error.status !== 401;
   });
@@ -118,7 +125,7 @@ async function listed(section, path, member, none, show) {
 }
 
 /** Names of the ray sets that jobs were made of; those of deleted ones are not known any more. */
-async function namesOf(jobs) {
+export async function namesOf(jobs) {
   const ids = new Set(jobs.flatMap(({ channels }) => channels.filter(({ name }) => !name).map(({ ray_set: id }) => id)));
   await Promise.all([...ids].filter((id) => !known.has(id)).map((id) => json(`v1/ray-sets/${id}`).then((set) => known.set(id, set.name)).catch(() => known.set(id, null))));
   return known;
@@ -138,21 +145,23 @@ function model(job, names) {
 /** Ray sets, to open one or to join several to one source. */
 function choice(sets, place) {
   const join = h("a", { class: "button first", hidden: true, href: "#/" }, "");
-  const chosen = new Set();
+  // What is ticked stays so when the list is drawn anew.
+  const chosen = new Set([...place.querySelectorAll("input:checked")].map(({ value }) => value));
   const update = () => {
     join.hidden = chosen.size < 2;
     join.textContent = words.home.join(chosen.size);
     join.href = `#/ray-sets/${[...chosen].join(",")}`;
-    if (chosen.size >= 2) announce(join.textContent);
+    return chosen.size >= 2;
   };
   put(place, sets.map((set) => h("li", { class: "card tile with-box" },
-    h("input", { type: "checkbox", "aria-label": words.home.choose1(set.name), onchange: (event) => {
+    h("input", { type: "checkbox", value: set.id, checked: chosen.has(set.id), "aria-label": words.home.choose1(set.name), onchange: (event) => {
       if (event.target.checked) chosen.add(set.id);
       else chosen.delete(set.id);
-      update();
+      if (update()) announce(join.textContent);
     } }),
     h("a", { href: `#/ray-sets/${set.id}` }, h("strong", {}, set.name)),
     h("span", {}, set.header.format),
     h("span", { class: "hint" }, words.home.setFacts(count(set.header.ray_count), bytes(set.byte_count), when(set.created_ms))))));
   put(joining, h("p", { class: "hint" }, words.home.joinHint), join);
+  update();
 }

@@ -9,7 +9,7 @@ import { words } from "./words.js";
 export async function jobPage(page, id, signal) {
   put(page, h("p", { class: "card" }, words.loading));
   const job = await json(`v1/jobs/${encodeURIComponent(id)}`);
-  if (job.state === "succeeded") return modelPage(page, job);
+  if (job.state === "succeeded") return modelPage(page, job, signal);
   if (job.state !== "queued" && job.state !== "running") return ended(page, job);
   return progress(page, job, signal);
 }
@@ -57,7 +57,7 @@ async function progress(page, job, signal) {
   if (signal.aborted) return;
   const last = await json(job.links.self);
   announce(words.job.ended[last.state] ?? "");
-  if (last.state === "succeeded") await modelPage(page, last);
+  if (last.state === "succeeded") await modelPage(page, last, signal);
   else await ended(page, last);
 }
 

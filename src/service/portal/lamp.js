@@ -105,24 +105,9 @@ export class Lamp {
     return found;
   }
 
-  /** Where a line from `eye` along `way` first meets the surface: triangle, barycentric weights, point; null where it does not. */
-  meet(eye, way) {
-    let best = null;
-    for (let triangle = 0; triangle < this.triangles; triangle += 1) {
-      const [a, b, c] = [0, 1, 2].map((k) => this.corner(triangle, k));
-      const [u, v, w] = [minus(b, a), minus(c, a), minus(eye, a)];
-      const p = cross(way, v);
-      const determinant = dot(u, p);
-      if (Math.abs(determinant) < 1e-14) continue;
-      const beta = dot(w, p) / determinant;
-      const r = cross(w, u);
-      const gamma = dot(way, r) / determinant;
-      const distance = dot(v, r) / determinant;
-      if (beta < 0 || gamma < 0 || beta + gamma > 1 || distance <= 0 || (best && distance >= best.distance)) continue;
-      best = { triangle, weights: [1 - beta - gamma, beta, gamma], distance };
-    }
-    if (best) best.point = eye.map((value, k) => value + best.distance * way[k]);
-    return best;
+  /** Where a line from `eye` along `way` first meets the surface (see `meets`). */
+  meet(eye, way, cut) {
+    return meets(this.positions, this.indices, eye, way, cut);
   }
 
   /** The zone with the greatest weight at a point of a triangle. */
@@ -136,9 +121,35 @@ export class Lamp {
   }
 }
 
-const minus = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+/**
+ * Where a line from `eye` along `way` first meets one of the triangles, on the side of the plane `cut` that is shown: triangle,
+ * barycentric weights, distance, point; null where it meets none. (Möller and Trumbore, "Fast, minimum storage ray/triangle
+ * intersection", 1997.)
+ */
+export function meets(positions, indices, [ex, ey, ez], [dx, dy, dz], [nx, ny, nz, most] = [0, 0, 0, 1]) {
+  let best = null;
+  for (let triangle = 0; 3 * triangle < indices.length; triangle += 1) {
+    const [a, b, c] = [3 * indices[3 * triangle], 3 * indices[3 * triangle + 1], 3 * indices[3 * triangle + 2]];
+    const [ax, ay, az] = [positions[a], positions[a + 1], positions[a + 2]];
+    const [ux, uy, uz] = [positions[b] - ax, positions[b + 1] - ay, positions[b + 2] - az];
+    const [vx, vy, vz] = [positions[c] - ax, positions[c + 1] - ay, positions[c + 2] - az];
+    const [px, py, pz] = [dy * vz - dz * vy, dz * vx - dx * vz, dx * vy - dy * vx];
+    const determinant = ux * px + uy * py + uz * pz;
+    if (Math.abs(determinant) < 1e-14) continue;
+    const [wx, wy, wz] = [ex - ax, ey - ay, ez - az];
+    const beta = (wx * px + wy * py + wz * pz) / determinant;
+    if (beta < 0 || beta > 1) continue;
+    const [rx, ry, rz] = [wy * uz - wz * uy, wz * ux - wx * uz, wx * uy - wy * ux];
+    const gamma = (dx * rx + dy * ry + dz * rz) / determinant;
+    if (gamma < 0 || beta + gamma > 1) continue;
+    const distance = (vx * rx + vy * ry + vz * rz) / determinant;
+    if (distance <= 0 || (best && distance >= best.distance)) continue;
+    const point = [ex + distance * dx, ey + distance * dy, ez + distance * dz];
+    if (nx * point[0] + ny * point[1] + nz * point[2] > most) continue;
+    best = { triangle, weights: [1 - beta - gamma, beta, gamma], distance, point };
+  }
+  return best;
+}
 
 /** glTF metres, Y up, as the source's millimetres. */
 function millimetres(gltf) {

@@ -1,6 +1,7 @@
 // The lamp drawn with WebGL 2: light is summed in floating point in a picture of its own, which values are read from, and then shown.
 import { falseColours, ofZone, RGB_FROM_XYZ } from "./colour.js";
 import * as shaders from "./shaders.js";
+import { solidOf } from "./solid.js";
 
 const HINTS = 2048;
 /** Colours of the stages of a hull: projected, stitched, filled. */
@@ -21,7 +22,8 @@ export class Picture {
     this.loadDirections();
     this.loadSurface();
     if (lamp.volume) this.loadVolume();
-    this.show = this.program(shaders.everywhere, shaders.shown);
+    this.show = {};
+    for (const way of ["false", "true", "plain"]) this.show[way] = this.program(shaders.everywhere, shaders.shown(way));
     this.frame = gl.createFramebuffer();
   }
 
@@ -108,6 +110,7 @@ export class Picture {
     });
     this.sets = sets;
     this.light = this.program(shaders.surfaceVertex(sets), shaders.surfaceLight(sets));
+    this.loadVertices();
     this.facts = this.program(shaders.surfaceVertex(sets), shaders.surfaceFacts);
     this.rows = { data, width, buffer: gl.createBuffer() };
     gl.bindBuffer(gl.ARRAY_BUFFER, this.rows.buffer);
@@ -121,16 +124,63 @@ export class Picture {
     this.scale = (this.mostExitance * greatestQ(lamp.q, lamp, 1 / Math.PI)) / BRIGHTEST || 1;
   }
 
+  /** The vertices by themselves, for pictures that move: place, light, and up to four zones with their weights. */
+  loadVertices() {
+    const { gl, lamp } = this;
+    const count = lamp.positions.length / 3;
+    const data = new Float32Array(15 * count);
+    for (let k = 0; k < count; k += 1) {
+      data.set(lamp.positions.subarray(3 * k, 3 * k + 3), 15 * k);
+      data.set(lamp.exitance.subarray(4 * k, 4 * k + 4), 15 * k + 3);
+      data.set(lamp.zoneIds.subarray(4 * k, 4 * k + 4), 15 * k + 7);
+      data.set(lamp.zoneWeights.subarray(4 * k, 4 * k + 4), 15 * k + 11);
+    }
+    this.moving = {
+      ...this.program(shaders.movingVertex, shaders.movingLight),
+      ...this.stored(data, Uint32Array.from(lamp.indices)), places: [["position", 3, 0], ["light", 4, 3], ["zones", 4, 7], ["weights", 4, 11]],
+    };
+  }
+
+  /** Rows of numbers and the order in which they make triangles, for `drawIndexed`. */
+  stored(rows, indices) {
+    const { gl } = this;
+    const [buffer, order] = [gl.createBuffer(), gl.createBuffer()];
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, rows, gl.STATIC_DRAW);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, order);
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, indices, gl.STATIC_DRAW);
+    return { buffer, order, corners: indices.length };
+  }
+
+  drawIndexed({ program, buffer, order, corners, places }) {
+    const { gl } = this;
+    const width = places.reduce((sum, [, count]) => sum + count, 0);
+    for (let k = 0; k < 16; k += 1) gl.disableVertexAttribArray(k);
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+    for (const [name, count, at] of places) {
+      const location = gl.getAttribLocation(program, name);
+      gl.enableVertexAttribArray(location);
+      gl.vertexAttribPointer(location, count, gl.FLOAT, false, 4 * width, 4 * at);
+    }
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, order);
+    gl.drawElements(gl.TRIANGLES, corners, gl.UNSIGNED_INT, 0);
+  }
+
   loadVolume() {
     const { gl } = this;
     const { cells, nodes, lit } = this.lamp.volume;
     this.nodes = this.texture(gl.TEXTURE_3D, gl.RGBA32F, cells.map((count) => count + 1), gl.RGBA, gl.FLOAT, nodes, gl.NEAREST);
     this.lit = this.texture(gl.TEXTURE_3D, gl.R8, cells, gl.RED, gl.UNSIGNED_BYTE, lit, gl.NEAREST);
-    this.march = this.program(shaders.everywhere, shaders.volumeLight);
+    this.march = this.program(shaders.everywhere, shaders.volumeLight(false));
+    this.movingMarch = this.program(shaders.everywhere, shaders.volumeLight(true));
     const { pitch, greatest } = this.lamp.volume;
     const component = this.lamp.isLuminous ? 1 : 3;
     let most = 0;
     for (let k = component; k < greatest.length; k += 4) most = Math.max(most, greatest[k]);
+    // Half floats, which a texture unit interpolates everywhere, end at 65 504: j in units of its greatest.
+    this.mostLight = most || 1;
+    const parts = nodes.map((value) => Math.min(value / this.mostLight, 60_000));
+    this.smoothNodes = this.texture(gl.TEXTURE_3D, gl.RGBA16F, cells.map((count) => count + 1), gl.RGBA, gl.FLOAT, parts, gl.LINEAR);
     this.volumeScale = (most * Math.hypot(...pitch.map((step, k) => step * cells[k])) * greatestQ([this.lamp.total], this.lamp, 1 / (4 * Math.PI))) / BRIGHTEST || 1;
   }
 
@@ -156,8 +206,11 @@ export class Picture {
     return this.volumeScale ?? this.scale;
   }
 
-  /** Sums light (or facts of the surface) as seen by `camera`; coarsely while it moves. */
-  sum(camera, mode, isCoarse = false) {
+  /**
+   * Sums light (or facts of the surface) as seen by `camera`; coarsely while it moves. `cut`: normal and place of a plane beyond which
+   * nothing is shown.
+   */
+  sum(camera, mode, isCoarse = false, cut = [0, 0, 0, 1]) {
     const { gl } = this;
     const aspect = this.size[0] / this.size[1];
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
@@ -165,21 +218,47 @@ export class Picture {
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     const isLight = mode === "seen" || mode === "true";
-    if (isLight && this.lamp.volume) return this.sumVolume(camera, aspect, isCoarse);
-    const { program, uniforms } = isLight ? this.light : this.facts;
-    gl.useProgram(program);
-    const { clip, eye } = camera.matrices(aspect);
-    gl.uniformMatrix4fv(uniforms.clip_from_source, false, clip);
-    gl.uniform3fv(uniforms.eye, eye);
+    if (isLight && this.lamp.volume) return this.sumVolume(camera, aspect, isCoarse, cut);
+    if (mode === "solid") return this.sumSolid(camera, aspect, cut);
+    const used = !isLight ? this.facts : isCoarse ? this.moving : this.light;
+    const { program, uniforms } = used;
+    this.begin(used, camera, aspect, cut);
     gl.uniform1f(uniforms.scale, this.unit(mode));
     if (isLight) this.bindDirections(uniforms, this.zoneQ);
     else gl.uniform1i(uniforms.is_exitance, mode === "exitance" ? 1 : 0);
-    this.rowsInto(program, mode);
     // The surface carries light and blocks none: what lies behind adds to what lies before.
     (isLight ? gl.enable : gl.disable).call(gl, gl.BLEND);
     (isLight ? gl.disable : gl.enable).call(gl, gl.DEPTH_TEST);
     gl.blendFunc(gl.ONE, gl.ONE);
-    gl.drawArrays(gl.TRIANGLES, 0, 3 * this.lamp.triangles);
+    if (used === this.moving) return this.drawIndexed(used);
+    this.rowsInto(program, mode);
+    return gl.drawArrays(gl.TRIANGLES, 0, 3 * this.lamp.triangles);
+  }
+
+  /** What all pictures of surfaces need. */
+  begin({ program, uniforms }, camera, aspect, cut) {
+    const { gl } = this;
+    gl.useProgram(program);
+    const { clip, eye } = camera.matrices(aspect);
+    gl.uniformMatrix4fv(uniforms.clip_from_source, false, clip);
+    gl.uniform3fv(uniforms.eye, eye);
+    gl.uniform4fv(uniforms.cut, cut);
+  }
+
+  /** The photometric solid, made when it is first asked for: as large as the lamp is shown. */
+  sumSolid(camera, aspect, cut) {
+    const { gl } = this;
+    if (!this.solid) {
+      const solid = solidOf(this.lamp, camera.middle, camera.radius);
+      this.solid = {
+        ...solid, ...this.program(shaders.solidVertex, shaders.solidFacts), ...this.stored(solid.rows, solid.indices),
+        places: [["position", 3, 0], ["normal", 3, 3], ["category", 3, 6]],
+      };
+    }
+    this.begin(this.solid, camera, aspect, cut);
+    gl.disable(gl.BLEND);
+    gl.enable(gl.DEPTH_TEST);
+    this.drawIndexed(this.solid);
   }
 
   rowsInto(program, mode) {
@@ -217,9 +296,9 @@ export class Picture {
     this.coloured = mode;
   }
 
-  sumVolume(camera, aspect, isCoarse) {
+  sumVolume(camera, aspect, isCoarse, cut) {
     const { gl } = this;
-    const { program, uniforms } = this.march;
+    const { program, uniforms } = isCoarse ? this.movingMarch : this.march;
     const { cells, min, pitch } = this.lamp.volume;
     gl.useProgram(program);
     gl.disable(gl.BLEND);
@@ -227,13 +306,14 @@ export class Picture {
     for (let k = 0; k < 16; k += 1) gl.disableVertexAttribArray(k);
     gl.uniformMatrix4fv(uniforms.source_from_clip, false, camera.unclip(aspect));
     gl.uniform3fv(uniforms.eye, camera.eye());
-    gl.uniform1f(uniforms.scale, this.volumeScale);
+    gl.uniform4fv(uniforms.cut, cut);
+    gl.uniform1f(uniforms.scale, isCoarse ? this.volumeScale / this.mostLight : this.volumeScale);
     gl.uniform3fv(uniforms.least, min);
     gl.uniform3fv(uniforms.pitch, pitch);
     gl.uniform3iv(uniforms.cells, cells);
-    gl.uniform1i(uniforms.steps, Math.min((isCoarse ? 1 : 3) * Math.max(...cells), isCoarse ? 64 : 192));
+    gl.uniform1i(uniforms.steps, Math.min((isCoarse ? 1 : 3) * Math.max(...cells), isCoarse ? 48 : 192));
     this.bindDirections(uniforms, this.totalQ);
-    this.bind(2, gl.TEXTURE_3D, this.nodes, uniforms.j_nodes);
+    this.bind(2, gl.TEXTURE_3D, isCoarse ? this.smoothNodes : this.nodes, uniforms.j_nodes);
     this.bind(3, gl.TEXTURE_3D, this.lit, uniforms.lit_cells);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
@@ -258,7 +338,8 @@ export class Picture {
   /** Shows what was summed: `greatest` is the brightest that still has a colour of its own, in units of the sum. */
   draw(mode, { greatest, decades }) {
     const { gl } = this;
-    const { program, uniforms } = this.show;
+    const ways = { seen: "false", exitance: "false", true: "true" };
+    const { program, uniforms } = this.show[ways[mode] ?? "plain"];
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, ...this.size);
     gl.disable(gl.BLEND);
@@ -268,13 +349,18 @@ export class Picture {
     gl.activeTexture(gl.TEXTURE0);
     this.bind(0, gl.TEXTURE_2D, this.summed, uniforms.summed);
     this.bind(1, gl.TEXTURE_2D, this.colours, uniforms.colours);
-    const shown = { seen: 0, exitance: 0, true: 1 };
-    gl.uniform1i(uniforms.mode, shown[mode] ?? 2);
     gl.uniform1i(uniforms.component, this.lamp.isLuminous ? 1 : 3);
     gl.uniform1f(uniforms.greatest, greatest);
     gl.uniform1f(uniforms.decades, decades);
     gl.uniformMatrix3fv(uniforms.rgb_from_xyz, false, RGB_FROM_XYZ);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  /** Waits until all that was asked for is drawn. `gl.finish()` does not wait in all browsers. */
+  finish() {
+    const { gl } = this;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
   }
 
   /** X, Y, Z and radiant of pixels of the sum, lm or W per mm² and sr (per mm² of exitance). */

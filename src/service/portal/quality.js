@@ -11,12 +11,17 @@ export function verdict(report) {
   const worst = main.reduce((a, b) => (error(b) > error(a) ? b : a));
   const better = main.filter((figure) => error(figure) < figure.rays_error).length;
   const level = error(worst) <= 0.05 ? "good" : error(worst) <= 0.15 ? "fair" : "poor";
-  return { level, short: words.quality.levels[level], text: words.quality.sentence(percent(error(worst)), view(worst), better, main.length) };
+  return { level, short: words.quality.levels[level], worst: words.quality.worst(words.quality.levels[level], shown(worst), view(worst)), text: words.quality.sentence(shown(worst), view(worst), better, main.length) };
 }
 
-/** What is known of an error: where noise hides it, it is at most the noise. */
+/** What is known of an error: below the noise it cannot be told from nothing, and is at most the noise. README.txt and the plots say so too. */
 function error(figure) {
-  return Math.max(figure.model_error, figure.model_error === 0 ? figure.noise : 0);
+  return Math.max(figure.model_error, figure.noise);
+}
+
+/** The error as text. */
+function shown(figure) {
+  return figure.model_error < figure.noise ? words.quality.hidden(percent(figure.noise)) : percent(figure.model_error);
 }
 
 function view(figure) {
@@ -48,7 +53,7 @@ function figures(list) {
     s("rect", { x: 0, y: 1, height: 7, width: Math.max(1, (200 * error(figure)) / most), class: "ours" }),
     s("rect", { x: 0, y: 10, height: 7, width: Math.max(1, (200 * figure.rays_error) / most), class: "rays" }));
   return table(words.quality.table, words.quality.columns,
-    list.map((figure) => [view(figure), figure.model_error === 0 ? `<\u00a0${percent(figure.noise)}` : percent(figure.model_error), percent(figure.rays_error), percent(figure.noise), drawn(figure)]));
+    list.map((figure) => [view(figure), figure.model_error < figure.noise ? words.quality.below : percent(figure.model_error), percent(figure.rays_error), percent(figure.noise), drawn(figure)]));
 }
 
 function balanced(balance) {

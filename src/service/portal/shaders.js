@@ -51,6 +51,11 @@ vec4 q_of(int zone, Nodes n) {
 }
 `;
 
+/** What lies beyond the plane of the cut is left out: `cut` is its unit normal and how far along it the cut is, mm; a normal of 0 cuts nothing. */
+const CUT = `
+uniform vec4 cut;
+`;
+
 /** Vertices of the surface; `sets` times four zones for each triangle, with weights that are linear over it. */
 export function surfaceVertex(sets) {
   const places = [0, 1, 2].slice(0, sets);
@@ -69,12 +74,13 @@ void main() {
 /** L = M q / |cos θ| towards the eye. */
 export function surfaceLight(sets) {
   const places = [0, 1, 2].slice(0, sets);
-  return `${HEAD}${DISTRIBUTION}
+  return `${HEAD}${DISTRIBUTION}${CUT}
 in vec3 place; in vec4 exitance; flat in vec3 across;
 ${places.map((k) => `flat in vec4 zone${k}; in vec4 weight${k};`).join("\n")}
 uniform vec3 eye; uniform float scale;
 out vec4 seen;
 void main() {
+  if (dot(cut.xyz, place) > cut.w) discard;
   vec3 direction = normalize(eye - place);
   Nodes n = nodes_of(direction);
   vec4 q = vec4(0.0);
@@ -83,12 +89,60 @@ void main() {
 }`;
 }
 
+/** For pictures that move: q is found at the vertices alone, each once, and M q is linear between them. */
+export const movingVertex = `${HEAD}${DISTRIBUTION}
+in vec3 position; in vec4 light; in vec4 zones; in vec4 weights;
+uniform mat4 clip_from_source; uniform vec3 eye; uniform float scale;
+out vec3 place; out vec4 sent;
+void main() {
+  place = position;
+  Nodes n = nodes_of(normalize(eye - position));
+  vec4 q = vec4(0.0);
+  for (int i = 0; i < 4; i++) if (weights[i] > 0.0) q += weights[i] * q_of(int(zones[i]), n);
+  sent = light * q / scale;
+  gl_Position = clip_from_source * vec4(position, 1.0);
+}`;
+
+/** The same between the vertices. Which way the surface lies is seen from its neighbouring pixels. */
+export const movingLight = `${HEAD}${CUT}
+in vec3 place; in vec4 sent;
+uniform vec3 eye;
+out vec4 seen;
+void main() {
+  vec3 across = cross(dFdx(place), dFdy(place));
+  if (dot(cut.xyz, place) > cut.w) discard;
+  vec3 way = eye - place;
+  float whole = length(way) * length(across);
+  seen = sent * (whole / max(abs(dot(across, way)), max(1e-3 * whole, 1e-30)));
+}`;
+
+/** The photometric solid: a surface as far from its middle as the intensity is great, shaded by its own form. */
+export const solidVertex = `${HEAD}
+in vec3 position; in vec3 normal; in vec3 category;
+uniform mat4 clip_from_source;
+out vec3 place; out vec3 across; out vec3 colour;
+void main() {
+  place = position; across = normal; colour = category;
+  gl_Position = clip_from_source * vec4(position, 1.0);
+}`;
+
+export const solidFacts = `${HEAD}${CUT}
+in vec3 place; in vec3 across; in vec3 colour;
+uniform vec3 eye;
+out vec4 seen;
+void main() {
+  if (dot(cut.xyz, place) > cut.w) discard;
+  float lit = 0.5 + 0.5 * abs(dot(normalize(across), normalize(eye - place)));
+  seen = vec4(colour * lit, 1.0);
+}`;
+
 /** What a surface is, nearest first: its exitance, or a colour for its zone or its stage. */
-export const surfaceFacts = `${HEAD}
+export const surfaceFacts = `${HEAD}${CUT}
 in vec3 place; in vec4 exitance; flat in vec3 across; flat in vec3 colour;
 uniform vec3 eye; uniform float scale; uniform bool is_exitance;
 out vec4 seen;
 void main() {
+  if (dot(cut.xyz, place) > cut.w) discard;
   float lit = 0.55 + 0.45 * abs(dot(across, normalize(eye - place)));
   seen = is_exitance ? exitance / scale : vec4(colour * lit, 1.0);
 }`;
@@ -96,17 +150,17 @@ void main() {
 /** A rectangle over everything; `way` goes from the eye through each pixel. */
 export const everywhere = `${HEAD}
 uniform mat4 source_from_clip; uniform vec3 eye;
-out vec2 at; out vec3 far;
+out vec3 far;
 void main() {
   vec2 corner = vec2(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0);
-  at = corner * 0.5 + 0.5;
   vec4 end = source_from_clip * vec4(corner, 1.0, 1.0);
   far = end.xyz / end.w;
   gl_Position = vec4(corner, 0.0, 1.0);
 }`;
 
-/** L = q ∫ j ds along the line of sight, by section 4: j is trilinear within lit cells, 0 elsewhere. */
-export const volumeLight = `${HEAD}${DISTRIBUTION}
+/** L = q ∫ j ds along the line of sight, by section 4: j is trilinear within lit cells, 0 elsewhere. While it moves, j is read from a
+ * smaller table that the texture unit itself interpolates. */
+export const volumeLight = (isMoving) => `${HEAD}${DISTRIBUTION}${CUT}
 in vec3 far;
 uniform vec3 eye; uniform float scale;
 uniform sampler3D j_nodes; uniform sampler3D lit_cells;
@@ -116,6 +170,7 @@ vec4 node(ivec3 at) { return texelFetch(j_nodes, at, 0); }
 vec4 j_at(vec3 p) {
   ivec3 c = clamp(ivec3(floor(p)), ivec3(0), cells - 1);
   if (texelFetch(lit_cells, c, 0).r < 0.5) return vec4(0.0);
+  ${isMoving ? "return texture(j_nodes, (p + 0.5) / vec3(cells + 1));" : ""}
   vec3 f = p - vec3(c);
   vec4 y0 = mix(mix(node(c), node(c + ivec3(1, 0, 0)), f.x), mix(node(c + ivec3(0, 1, 0)), node(c + ivec3(1, 1, 0)), f.x), f.y);
   vec4 y1 = mix(mix(node(c + ivec3(0, 0, 1)), node(c + ivec3(1, 0, 1)), f.x), mix(node(c + ivec3(0, 1, 1)), node(c + ivec3(1, 1, 1)), f.x), f.y);
@@ -130,31 +185,35 @@ void main() {
   float from = max(max(low.x, low.y), max(low.z, 0.0));
   float to = min(high.x, min(high.y, high.z));
   seen = vec4(0.0);
+  float slope = dot(cut.xyz, way);
+  float end = (cut.w - dot(cut.xyz, eye)) / (slope == 0.0 ? 1e-12 : slope);
+  if (slope > 0.0) to = min(to, end); else if (slope < 0.0) from = max(from, end); else if (dot(cut.xyz, eye) > cut.w) return;
   if (to <= from) return;
   float step_mm = (to - from) / float(steps);
   for (int i = 0; i < steps; i++) seen += j_at((eye + way * (from + (float(i) + 0.5) * step_mm) - least) / pitch);
   seen *= step_mm * q_of(0, nodes_of(-way)) / scale;
 }`;
 
-/** Shows what was summed. mode 0: false colours of one component; 1: true colour; 2: colours as they are. */
-export const shown = `${HEAD}
-in vec2 at;
+/** Shows what was summed. `way` is "false": colours of one component (1: Y, 3: radiant); "true": true colour; "plain": colours as they are. */
+export const shown = (way) => `${HEAD}
 uniform sampler2D summed; uniform sampler2D colours;
-uniform int mode; uniform int component; uniform float greatest; uniform float decades; uniform mat3 rgb_from_xyz;
+uniform int component; uniform float greatest; uniform float decades; uniform mat3 rgb_from_xyz;
 out vec4 pixel;
 vec3 encoded(vec3 c) { return mix(12.92 * c, 1.055 * pow(max(c, 1e-9), vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c)); }
 void main() {
-  vec4 light = texture(summed, at);
-  if (mode == 2) { pixel = vec4(light.a > 0.0 ? light.rgb : vec3(0.0235, 0.0275, 0.0588), 1.0); return; }
-  if (mode == 1) {
-    vec3 c = rgb_from_xyz * light.xyz / greatest;
-    float grey = light.y / greatest;
-    float least = min(c.r, min(c.g, c.b));
-    // Colours outside of the screen's are paled until they are within, at their own luminance.
-    if (least < 0.0 && grey > 0.0) c = mix(vec3(grey), c, grey / (grey - least));
-    pixel = vec4(encoded(clamp(c, 0.0, 1.0)), 1.0); return;
-  }
-  float value = (component == 1 ? light.y : light.a) / greatest;
-  float where = decades > 0.0 ? 1.0 + log(max(value, 1e-12)) / 2.302585093 / decades : value;
-  pixel = vec4(texture(colours, vec2(clamp(where, 0.0, 1.0) * 255.0 / 256.0 + 0.5 / 256.0, 0.5)).rgb, 1.0);
+  vec4 light = texelFetch(summed, ivec2(gl_FragCoord.xy), 0);
+  ${SHOWN[way]}
 }`;
+
+const SHOWN = {
+  plain: "pixel = vec4(light.a > 0.0 ? light.rgb : vec3(0.0235, 0.0275, 0.0588), 1.0);",
+  true: `vec3 c = rgb_from_xyz * light.xyz / greatest;
+  float grey = light.y / greatest;
+  float least = min(c.r, min(c.g, c.b));
+  // Colours outside of the screen's are paled until they are within, at their own luminance.
+  if (least < 0.0 && grey > 0.0) c = mix(vec3(grey), c, grey / (grey - least));
+  pixel = vec4(encoded(clamp(c, 0.0, 1.0)), 1.0);`,
+  false: `float value = (component == 1 ? light.y : light.a) / greatest;
+  float where = decades > 0.0 ? 1.0 + log(max(value, 1e-12)) / 2.302585093 / decades : value;
+  pixel = texelFetch(colours, ivec2(int(clamp(where, 0.0, 1.0) * 255.0 + 0.5), 0), 0);`,
+};

@@ -33,6 +33,7 @@ export async function sourcePage(page, ids) {
   const missing = () => [
     ...channels.flatMap(({ missing: lacks }, k) => lacks().map((what) => (sets.length > 1 ? `${sets[k].name}: ${what}` : what))),
     ...(total.kind && !(typed(total.value) > 0) ? [words.source.totalMissing] : []),
+    ...chosen.missing(),
   ];
   const build = button(words.source.build, async () => {
     build.disabled = true;

@@ -8,6 +8,8 @@ import { words } from "./words.js";
 const list = h("ul", { class: "transfers", "aria-label": words.transfers.title });
 const all = new Set();
 let whenTaken = () => {};
+/** So many of the ray files of one packed file are named at once. */
+const FIRST = 5;
 const ENDED = ["taken", "refused", "cancelled", "unknown", "elsewhere"];
 
 /** The list's element; `ontaken(raySets)` is called when all files that were sent together are there. */
@@ -104,9 +106,16 @@ function refused(transfer, remove) {
 }
 
 function taken(transfer) {
+  const one = (id, k) => h("li", {}, h("a", { href: `#/ray-sets/${id}` }, transfer.raySets.length > 1 ? words.transfers.openOne(k + 1) : words.transfers.open));
+  const list = h("ul", { class: "plain" }, transfer.raySets.slice(0, FIRST).map(one));
+  const rest = transfer.raySets.slice(FIRST);
+  const all = button(words.transfers.showAll(transfer.raySets.length), () => {
+    list.append(...rest.map((id, k) => one(id, FIRST + k)));
+    list.children[FIRST].querySelector("a").focus();
+    all.remove();
+  });
   return [
-    h("ul", { class: "plain" }, transfer.raySets.map((id, k) => h("li", {}, h("a", { href: `#/ray-sets/${id}` },
-      transfer.raySets.length > 1 ? words.transfers.openOne(k + 1) : words.transfers.open)))),
+    list, rest.length ? all : null,
     transfer.leftOut.length ? h("details", {}, h("summary", {}, words.transfers.leftOut(transfer.leftOut.length)),
       h("ul", {}, transfer.leftOut.map(({ name: file, detail }) => h("li", {}, h("strong", {}, file), " ", detail)))) : null,
   ];

@@ -1,66 +1,132 @@
-// The picture with its controls: turning, zooming, what is shown, the scale, and the value under the pointer.
+// The picture with its controls: turning, zooming, what is shown, the scale, a cut, and the value under the pointer. Several pictures may
+// be linked: they have one camera, one scale and one pointer.
 import { announce, button, field, h, put, select } from "./dom.js";
+import { Axes } from "./axes.js";
 import { GRADIENT } from "./colour.js";
 import { Camera } from "./camera.js";
+import { intensities } from "./facts.js";
+import { meets } from "./lamp.js";
 import { Picture } from "./picture.js";
 import { coordinate, measured, prefixed, quantity, significant } from "./numbers.js";
+import { intensityAt, peakOf } from "./solid.js";
 import { words } from "./words.js";
 
 const TURN_DEG = 5;
-/** While it moves, a picture that takes longer than this is drawn with fewer pixels. */
-const SLOW_MS = 45;
+/** While it moves, a picture that takes longer than this is drawn with half as many pixels, one that takes less than that with twice as many. */
+const SLOW_MS = 34;
+const FAST_MS = 12;
+/** Fewest pixels: a volume, whose every pixel is a sum along a line, needs fewer than a surface, whose vertices take the time. */
+const COARSEST = { surface: 2 * Math.SQRT2, volume: 4 };
 const REST_MS = 220;
+/** So often its caption follows a picture that moves: changing the page takes as long as drawing the lamp. */
+const CAPTION_MS = 100;
+/** Parts of the way of a cut through the lamp. */
+const CUT_STEPS = 200;
 
 /** The picture of a lamp; `onzone(id)` is told which zone is under the pointer, null for none. */
 export class View {
-  constructor(lamp, onzone) {
+  /** `camera`: one of several pictures; `modes`: what may be shown; `label`: what it is called. */
+  constructor(lamp, onzone, { camera = new Camera(lamp.directions, lamp.box), modes = null, label = words.view.title } = {}) {
     this.lamp = lamp;
     this.onzone = onzone;
-    this.canvas = h("canvas", { class: "lamp", tabindex: 0, role: "img", "aria-label": words.view.canvas });
+    this.label = label;
+    this.canvas = h("canvas", { class: "lamp", tabindex: 0, role: "img", "aria-label": `${label}. ${words.view.canvas}` });
     this.picture = new Picture(this.canvas, lamp);
-    this.camera = new Camera(lamp.directions, lamp.box);
-    Object.assign(this, { mode: "seen", decades: 0, held: false, greatest: null, coarse: 1, cursor: null, zone: null });
-    this.element = this.build();
+    this.camera = camera;
+    this.links = [this];
+    const all = ["seen", lamp.hasColour ? "true" : null, "exitance", "solid", "zones", "stages"];
+    this.offered = all.filter((mode) => mode && (!modes || modes.includes(mode)));
+    Object.assign(this, { mode: "seen", decades: 0, held: false, greatest: null, own: null, coarse: 1, cursor: null, zone: null });
+    this.cut = { axis: null, part: 0.5, isOther: false };
+    this.build();
     this.listen();
     new ResizeObserver(() => this.request()).observe(this.canvas);
   }
 
+  /** Makes `stage`, `legend`, `value` and `controls`. */
   build() {
-    const modes = ["seen", this.lamp.hasColour ? "true" : null, "exitance", "zones", "stages"].filter(Boolean);
-    this.modes = select(modes.map((mode) => [mode, words.view.modes[mode]]), this.mode, (mode) => this.become({ mode }));
-    this.range = select(words.view.ranges, "0", (decades) => this.become({ decades: Number(decades) }));
-    this.hold = h("input", { type: "checkbox", onchange: (event) => this.become({ held: event.target.checked }) });
-    this.value = h("output", { class: "reading", id: "reading" }, words.view.point);
-    this.whence = h("p", { class: "whence" });
+    this.value = h("output", { class: "reading" }, words.view.point);
+    this.whence = h("p", { class: "whence" }, "…");
     this.ramp = h("div", { class: "ramp" });
     this.ramp.style.background = GRADIENT;
     this.ticks = h("div", { class: "ticks" });
-    this.legend = h("div", { class: "legend", role: "img", "aria-label": "" }, this.ramp, this.ticks);
+    this.legend = h("div", { class: "legend", role: "img", hidden: true }, this.ramp, this.ticks);
     this.cross = h("div", { class: "cross", hidden: true });
+    this.axes = new Axes(this.lamp.directions);
     const move = (text, label, action) => h("button", { type: "button", "aria-label": label, title: label, onclick: () => { action(); this.moved(); } }, text);
-    return h("section", { class: "view", "aria-label": words.view.title },
-      h("div", { class: "stage" }, this.canvas, this.cross, this.whence,
-        h("div", { class: "moves" },
-          move("◀", words.view.left, () => this.camera.turn(-15, 0)), move("▶", words.view.right, () => this.camera.turn(15, 0)),
-          move("▲", words.view.up, () => this.camera.turn(0, -10)), move("▼", words.view.down, () => this.camera.turn(0, 10)),
-          move("+", words.view.nearer, () => this.camera.zoom(0.8)), move("−", words.view.farther, () => this.camera.zoom(1.25)),
-          button(words.view.fit, () => { this.camera.home(); this.moved(); }))),
-      h("div", { class: "under" }, this.legend, this.value),
-      h("div", { class: "row controls" },
-        field(words.view.mode, this.modes), field(words.view.range, this.range),
-        h("label", { class: "check" }, this.hold, words.view.hold)),
+    this.moves = h("div", { class: "moves" },
+      move("◀", words.view.left, () => this.camera.turn(-15, 0)), move("▶", words.view.right, () => this.camera.turn(15, 0)),
+      move("▲", words.view.up, () => this.camera.turn(0, -10)), move("▼", words.view.down, () => this.camera.turn(0, 10)),
+      move("+", words.view.nearer, () => this.camera.zoom(0.8)), move("−", words.view.farther, () => this.camera.zoom(1.25)),
+      button(words.view.fit, () => { this.camera.home(); this.moved(); }));
+    this.stage = h("div", { class: "stage" }, this.canvas, this.cross, this.whence, this.axes.element, this.moves);
+    this.range = select(words.view.ranges, "0", (decades) => this.become({ decades: Number(decades) }));
+    this.controls = h("div", { class: "row controls" },
+      field(words.view.mode, select(this.offered.map((mode) => [mode, words.view.modes[mode]]), this.mode, (mode) => this.become({ mode }))),
+      field(words.view.range, this.range),
+      h("label", { class: "check" }, h("input", { type: "checkbox", onchange: (event) => this.become({ held: event.target.checked }) }), words.view.hold),
+      this.cutControls());
+  }
+
+  /** All of it as one part of a page. */
+  get element() {
+    this.value.id = "reading";
+    this.canvas.setAttribute("aria-describedby", "view-help reading");
+    return h("section", { class: "view", "aria-label": this.label }, this.stage,
+      h("div", { class: "under" }, this.legend, this.value), this.controls,
+      h("p", { class: "hint" }, this.axes.text),
       h("p", { class: "hint", id: "view-help" }, words.view.help));
   }
 
+  /** A plane that takes away what is beyond it: across which axis, where, and which side stays. */
+  cutControls() {
+    const at = h("input", { type: "range", min: 0, max: CUT_STEPS, value: CUT_STEPS / 2, oninput: () => change({ part: Number(at.value) / CUT_STEPS }) });
+    const other = h("input", { type: "checkbox", onchange: () => change({ isOther: other.checked }) });
+    const told = h("output", { class: "hint" });
+    const change = (cut) => {
+      Object.assign(this.cut, cut);
+      how.hidden = this.cut.axis === null;
+      this.become({ cut: { ...this.cut } });
+      told.textContent = this.cutText();
+      at.setAttribute("aria-valuetext", told.textContent);
+    };
+    this.tellCut = () => change({});
+    const axis = select(words.view.cuts, "", (chosen) => change({ axis: chosen === "" ? null : Number(chosen) }));
+    const how = h("div", { class: "cut", hidden: true }, field(words.view.cutAt, at), told, h("label", { class: "check" }, other, words.view.cutOther));
+    return [field(words.view.cut, axis), how];
+  }
+
+  cutText() {
+    const plane = this.cutPlane();
+    if (this.cut.axis === null) return "";
+    const { axis, isOther } = this.cut;
+    return words.view.cutTo("XYZ"[axis], isOther, coordinate(isOther ? -plane[3] : plane[3], this.camera.radius));
+  }
+
+  /** Normal and place of the cut; beyond it nothing is shown. */
+  cutPlane() {
+    const { axis, part, isOther } = this.cut;
+    if (axis === null) return [0, 0, 0, 1];
+    const { box, middle, radius } = this.camera;
+    const [low, high] = this.mode === "solid" ? [middle[axis] - radius, middle[axis] + radius] : [box.min[axis], box.max[axis]];
+    const sign = isOther ? -1 : 1;
+    return [0, 1, 2].map((k) => (k === axis ? sign : 0)).concat(sign * (low + part * (high - low)));
+  }
+
   become(change) {
-    Object.assign(this, change);
-    if ("mode" in change) this.greatest = null;
-    this.request();
+    for (const view of this.links) {
+      Object.assign(view, change);
+      if ("mode" in change) view.greatest = view.own = null;
+      view.request();
+    }
+    if ("mode" in change) this.tellCut();
   }
 
   moved() {
-    this.moving = performance.now();
-    this.request();
+    for (const view of this.links) {
+      view.moving = performance.now();
+      view.request();
+    }
   }
 
   /** One drawing for any number of changes. */
@@ -78,20 +144,46 @@ export class View {
     if (!clientWidth || !clientHeight) return;
     const fine = Math.min(devicePixelRatio || 1, 2) / (rests ? 1 : this.coarse);
     this.picture.resize(Math.max(1, Math.round(clientWidth * fine)), Math.max(1, Math.round(clientHeight * fine)));
-    this.picture.sum(this.camera, this.mode, !rests);
-    if (!this.greatest || (rests && !this.held)) this.greatest = this.brightest() ?? this.greatest ?? 1;
-    const unit = this.picture.unit(this.mode);
-    this.picture.draw(this.mode, { greatest: this.greatest / unit, decades: this.decades });
-    this.caption();
+    this.picture.sum(this.camera, this.mode, !rests, this.cutPlane());
+    this.scale(rests);
+    this.paint();
     if (rests) {
       this.readAtCursor();
+      this.onrest?.();
       return;
     }
-    this.picture.gl.finish();
+    // Without this, pictures would be asked for faster than they are drawn, and those on the screen would be old.
+    this.picture.finish();
     const took = performance.now() - began;
-    if (took > SLOW_MS && this.coarse < 4) this.coarse *= 1.5;
+    if (took > SLOW_MS && this.coarse < COARSEST[this.lamp.volume ? "volume" : "surface"]) this.coarse *= Math.SQRT2;
+    else if (took < FAST_MS && this.coarse > 1) this.coarse = Math.max(1, this.coarse / Math.SQRT2);
     clearTimeout(this.settle);
     this.settle = setTimeout(() => this.request(), REST_MS + 10);
+  }
+
+  /** What is brightest on the scale: of all linked pictures, once they rest. */
+  scale(rests) {
+    if (this.mode === "solid") {
+      this.greatest = this.lamp.solidPeak ?? peakOf(this.lamp);
+      return;
+    }
+    if (this.greatest && (!rests || this.held)) return;
+    this.own = this.brightest() ?? this.own;
+    const greatest = Math.max(...this.links.map(({ own }) => own ?? 0)) || this.greatest || 1;
+    for (const view of this.links) {
+      const isOld = view !== this && view.greatest && view.greatest !== greatest;
+      view.greatest = greatest;
+      if (isOld && view.picture.size[0]) view.paint();
+    }
+  }
+
+  /** Shows what was summed. */
+  paint() {
+    this.picture.draw(this.mode, { greatest: this.greatest / this.picture.unit(this.mode), decades: this.decades });
+    const now = performance.now();
+    if (now - (this.moving ?? 0) < REST_MS && now - (this.captionedAt ?? 0) < CAPTION_MS) return;
+    this.captionedAt = now;
+    this.caption();
   }
 
   component() {
@@ -110,19 +202,31 @@ export class View {
     return Math.ceil(high / step) * step;
   }
 
+  /** From where it is seen, and the scale. Changes of a page cost more than the picture: only what differs is changed. */
   caption() {
     const { c, gamma, distance } = this.camera;
-    this.whence.textContent = words.view.whence(Math.round(c), Math.round(gamma), significant(distance, 3));
-    const isScaled = this.mode === "seen" || this.mode === "exitance";
+    this.whence.firstChild.data = words.view.whence(Math.round(c), Math.round(gamma), significant(distance, 3));
+    this.axes.show(this.camera.axes());
+    const now = [this.mode, this.decades, this.greatest].join();
+    if (this.captioned === now) return;
+    this.captioned = now;
+    const isScaled = ["seen", "exitance", "solid"].includes(this.mode);
     this.legend.hidden = !isScaled;
-    this.range.disabled = !isScaled;
+    this.range.disabled = !isScaled || this.mode === "solid";
     if (!isScaled) return;
-    const { factor, unit } = quantity(this.mode, this.lamp.isLuminous);
+    const { factor, unit } = this.quantity();
     const most = this.greatest * factor;
     const shown = prefixed(most, unit);
-    const at = (where) => most * shown.factor * (this.decades ? 10 ** (this.decades * (where - 1)) : where);
+    const decades = this.mode === "solid" ? 0 : this.decades;
+    const at = (where) => most * shown.factor * (decades ? 10 ** (decades * (where - 1)) : where);
     put(this.ticks, [0, 0.25, 0.5, 0.75, 1].map((where) => h("span", {}, significant(at(where), 3), where === 1 ? ` ${shown.unit}` : "")));
     this.legend.setAttribute("aria-label", words.view.scale(measured(most, unit)));
+  }
+
+  /** What the values of the picture are, and how many of them one of the sum's is. */
+  quantity() {
+    if (this.mode === "solid") return { factor: 1, unit: intensities(this.lamp, this.lamp.goniograms.total).unit };
+    return quantity(this.mode === "exitance" ? "exitance" : "seen", this.lamp.isLuminous);
   }
 
   listen() {
@@ -151,7 +255,7 @@ export class View {
       this.moved();
     }, { passive: false });
     canvas.addEventListener("keydown", (event) => this.key(event));
-    canvas.setAttribute("aria-describedby", "view-help reading");
+    canvas.setAttribute("aria-describedby", "view-help");
   }
 
   pinch(before, now, other, dx, dy) {
@@ -206,13 +310,16 @@ export class View {
   }
 
   placeCursor(at, isMarked = false) {
-    this.cursor = at;
-    this.cross.hidden = !(at && isMarked);
-    if (at && isMarked) {
-      this.cross.style.left = `${100 * at[0]}%`;
-      this.cross.style.top = `${100 * at[1]}%`;
+    for (const view of this.links) {
+      view.cursor = at;
+      view.cross.hidden = !(at && (isMarked || view !== this));
+      if (at) {
+        view.cross.style.left = `${100 * at[0]}%`;
+        view.cross.style.top = `${100 * at[1]}%`;
+      }
+      view.readAtCursor();
     }
-    this.readAtCursor();
+    this.onpoint?.(at);
   }
 
   /** The value, the place and the zone at the cursor. */
@@ -228,15 +335,16 @@ export class View {
   /** What is seen at a point of the picture, 0 to 1 from its left and top. */
   valueAt(x, y) {
     const [width, height] = this.picture.size;
+    if (!width) return null;
     const pixel = [Math.min(width - 1, Math.floor(x * width)), Math.max(0, Math.ceil(height - y * height) - 1)];
-    const aspect = width / height;
-    const { eye, way } = this.camera.line(2 * x - 1, 1 - 2 * y, aspect);
-    const met = this.lamp.volume && (this.mode === "seen" || this.mode === "true") ? null : this.lamp.meet(eye, way);
+    const { eye, way } = this.camera.line(2 * x - 1, 1 - 2 * y, width / height);
+    if (this.mode === "solid") return this.intensityOn(eye, way);
+    const met = this.lamp.volume && (this.mode === "seen" || this.mode === "true") ? null : this.lamp.meet(eye, way, this.cutPlane());
     const shownMode = this.mode === "zones" || this.mode === "stages" ? null : this.mode;
     const read = shownMode ? this.picture.read(...pixel, 1, 1, this.mode) : null;
     const value = read ? read[this.component()] : null;
     const zone = met ? this.lamp.zoneAt(met) : null;
-    const { factor, unit } = quantity(this.mode === "exitance" ? "exitance" : "seen", this.lamp.isLuminous);
+    const { factor, unit } = this.quantity();
     const text = words.view.reading({
       value: value === null ? null : measured(value * factor, unit),
       isDark: value === 0, zone, point: met ? met.point.map((value) => coordinate(value, 2 * this.camera.radius)) : null,
@@ -244,4 +352,25 @@ export class View {
     });
     return { text, value: value === null ? null : value * factor, unit, zone, point: met?.point ?? null };
   }
+
+  /** The intensity in the direction of the point of the solid that is under the cursor. */
+  intensityOn(eye, way) {
+    const { positions, indices } = this.picture.solid ?? {};
+    const met = positions ? meets(positions, indices, eye, way, this.cutPlane()) : null;
+    if (!met) return { text: words.view.besideSolid, value: null, unit: null, zone: null, point: null };
+    const { c, gamma } = this.lamp.directions.angles(met.point.map((value, k) => value - this.camera.middle[k]));
+    const value = intensityAt(this.lamp, c, gamma);
+    const { unit } = this.quantity();
+    return { text: words.view.intensity(measured(value, unit), significant(c, 3), significant(gamma, 3)), value, unit, zone: null, point: met.point };
+  }
+}
+
+/** Gives the graphics memory of pictures back once their page is left: a browser has only few of such pictures at a time. */
+export function endWith(signal, views) {
+  signal.addEventListener("abort", () => { for (const { picture } of views) picture.gl.getExtension("WEBGL_lose_context")?.loseContext(); });
+}
+
+/** Pictures with one camera, one scale and one pointer. */
+export function link(views) {
+  for (const view of views) view.links = views;
 }
