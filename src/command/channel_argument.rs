@@ -107,8 +107,8 @@ fn start(path: &Path) -> Result<Vec<u8>, Failure> {
     Ok(bytes)
 }
 
-/// `blue.ray,length_unit=in,flux=1.2W`. A comma that no key follows belongs to what stands before it.
-pub fn channel(text: &str) -> Result<ChannelFile, String> {
+/// What an argument names, and its keys with their values. A comma that no key follows belongs to what stands before it.
+pub fn pieces(text: &str) -> Vec<(Option<&str>, String)> {
     let mut pieces: Vec<(Option<&str>, String)> = Vec::new();
     for piece in text.split(',') {
         let key = piece.split_once('=').filter(|(key, _)| key.chars().all(|c| c.is_ascii_lowercase() || c == '_'));
@@ -121,8 +121,13 @@ pub fn channel(text: &str) -> Result<ChannelFile, String> {
             }
         }
     }
+    pieces
+}
+
+/// `blue.ray,length_unit=in,flux=1.2W`.
+pub fn channel(text: &str) -> Result<ChannelFile, String> {
     let mut channel = ChannelFile::default();
-    for (key, value) in pieces {
+    for (key, value) in pieces(text) {
         match key {
             None => channel.path = PathBuf::from(value),
             Some(key) if !KEYS.contains(&key) => {
