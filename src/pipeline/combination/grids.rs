@@ -13,9 +13,9 @@ use crate::vocabulary::space::Frame;
 /// Most C planes.
 const MOST_PLANES: usize = 720;
 /// Most numbers of all goniograms together, of one quantity.
-const MOST_NUMBERS: usize = 1 << 22;
+const MOST_NUMBERS: usize = 1 << 23;
 /// Steps for goniograms that are not told along the common γ, degrees; all make 180.
-const STEPS_DEG: [f64; 6] = [1.0, 1.5, 2.0, 2.5, 3.0, 5.0];
+const STEPS_DEG: [f64; 9] = [1.0, 1.5, 2.0, 2.5, 3.0, 5.0, 7.5, 10.0, 15.0];
 /// Of the finest step of such a goniogram, the part that its new step is at most.
 const FINER: f64 = 0.5;
 /// Nodes nearer to each other are one, degrees.
@@ -43,14 +43,17 @@ pub struct Common {
 /// [`Error::Refused`] where grids cannot be one, and where a beam is too narrow to be told on the common grid.
 pub fn unite(components: &mut [Changed], bands: usize, notices: &mut Notices) -> Result<Common, Error> {
     let frame = components.first().ok_or_else(super::nothing)?.sight.nearest_frame();
-    let goniograms: usize = components.iter().map(|component| component.zones.len() + 1).sum();
+    let goniograms = |is: fn(&Goniogram) -> bool| {
+        let of = |own: &Changed| own.zones.iter().map(|zone| &zone.goniogram).filter(|own| is(own)).count() + 1;
+        components.iter().map(of).sum::<usize>()
+    };
     let fine: Vec<(Sight, &SphereGrid)> = components.iter().map(|own| (own.sight, &own.grid)).collect();
-    let grid = common(&fine, &frame, goniograms)?;
+    let grid = common(&fine, &frame, goniograms(|_| true))?;
     let spectral: Vec<(Sight, &SphereGrid)> =
         components.iter().filter(|own| own.has_spectral()).map(|own| (own.sight, &own.spectral_grid)).collect();
     let spectral_grid = match spectral.as_slice() {
         [] => coarse(&grid),
-        spectral => common(spectral, &frame, goniograms.saturating_mul(bands))?,
+        spectral => common(spectral, &frame, bands * goniograms(|own| !own.spectral_w_per_sr_nm.is_empty()))?,
     };
     let common = Common { frame, grid, spectral_grid };
     for component in components.iter_mut() {

@@ -103,7 +103,7 @@ mod tests {
         let at = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);
         let floor = [at(0.0, 0.0, 0.0), at(1.0, 0.0, 0.0), at(1.0, 1.0, 0.0), at(0.0, 1.0, 0.0)];
         let wall = [at(1.0, 0.0, -0.0), at(1.0, 0.0, 1.0), at(1.0, 1.0, 1.0), at(1.0, 1.0, 0.0)];
-        let triangles = vec![[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6]];
+        let triangles = vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
         Hull::given([floor, wall].concat(), triangles, vec![Label::Projected; 4])
     }
 
