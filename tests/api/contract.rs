@@ -46,6 +46,7 @@ fn the_contract_says_how_everything_can_fail() {
         "append_to_upload",
         "cancel_job",
         "change_webhook",
+        "combine_models",
         "create_job",
         "create_upload",
         "create_webhook",

@@ -16,6 +16,8 @@ use std::borrow::Cow;
 const LINE_CHARACTERS: usize = 78;
 /// Most nodes of γ that readers take.
 const MOST_GAMMA_NODES: usize = 361;
+/// Least height of a luminaire, mm: of none at all readers warn.
+const LEAST_HEIGHT_MM: f64 = 1e-3;
 /// By how much, degrees, steps of γ may differ and be called even.
 const UNEVEN_DEG: f64 = 1e-6;
 /// Room indices for which there are direct ratios.
@@ -59,7 +61,8 @@ fn head(model: &Model, part: &Part<'_>, grid: &SphereGrid, lumens: f64) -> Vec<S
     let c90 = Axis::nearest(frame.y()).name();
     let axes = format!("gamma 0 = {}, C0 = {}, C90 = {c90} of the source", frame.nadir.name(), frame.c0.name());
     // The length of a luminaire lies along C90, its width along C0.
-    let [width_mm, length_mm, _] = sides_mm(&part.bounds_mm, frame).map(|mm| plain(mm, 4));
+    let [width_mm, length_mm, height_mm] = sides_mm(&part.bounds_mm, frame);
+    let [width, length, height] = [width_mm, length_mm, height_mm].map(|mm| plain(mm, 4));
     let isym = if grid.c_planes() == 1 { "1" } else { "0" };
     let mut lines = vec![
         line(&format!("{}, {}", line(header_text(model, "manufacturer").unwrap_or("unknown")), generator())),
@@ -74,13 +77,13 @@ fn head(model: &Model, part: &Part<'_>, grid: &SphereGrid, lumens: f64) -> Vec<S
         line(&axes),
         line(part.stem.trim_start_matches("ies/")).chars().take(8).collect(),
         line(&date),
-        length_mm.clone(),
-        width_mm.clone(),
-        "0".to_owned(),
-        length_mm,
-        width_mm,
+        length.clone(),
+        width.clone(),
+        plain(height_mm.max(LEAST_HEIGHT_MM), 4),
+        length,
+        width,
     ];
-    lines.extend(["0", "0", "0", "0"].map(str::to_owned)); // heights of the luminous area
+    lines.extend(std::iter::repeat_n(height, 4)); // of the luminous area, seen from C0, C90, C180 and C270
     let downward = 100.0 * flux_of_nodes(&downward(&model.goniograms.grid, part.candela), &model.goniograms.grid);
     lines.push(plain(if lumens > 0.0 { downward / lumens } else { 0.0 }, 4));
     lines.extend(["100", "1", "0", "1", "-1"].map(str::to_owned)); // light output ratio, factor, tilt, sets, lamps
@@ -180,7 +183,7 @@ mod tests {
             "2013-10-16",
             "1",
             "2",
-            "0",
+            "0.001",
             "1",
             "2",
             "0",

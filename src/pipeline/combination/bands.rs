@@ -1,6 +1,6 @@
 //! One spectral side for all components: what one of them does not know is unknown of the whole.
 
-use super::component::Changed;
+use super::component::{Changed, nothing};
 use crate::error::Error;
 use crate::flux::Amounts;
 use crate::source::{Columns, Spectral};
@@ -42,7 +42,7 @@ pub fn unite(components: &mut [Changed], limits: &Limits, notices: &mut Notices)
     }
     let spectral = match &*components {
         [first, ..] => of_all(first, components, radiant, luminous, notices),
-        [] => return Err(super::nothing()),
+        [] => return Err(nothing()),
     };
     for component in components.iter_mut() {
         let own = component.spectral.clone();

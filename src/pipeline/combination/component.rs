@@ -3,7 +3,7 @@
 use super::change::Change;
 use super::sight::Sight;
 use crate::artifacts::read::{details, read};
-use crate::error::Error;
+use crate::error::{Error, Place};
 use crate::flux::Amounts;
 use crate::formats::bytes::digest;
 use crate::goniogram::{Goniogram, Lattice, Mixture, SphereGrid, Zone};
@@ -36,6 +36,12 @@ pub struct Component {
     pub goniograms: Vec<u8>,
     /// What is changed of it.
     pub change: Change,
+}
+
+/// The error of a combination of no models.
+pub fn nothing() -> Error {
+    let (found, remedy) = ("There is no model to combine.", "Name one model at least.");
+    Error::invalid_declaration("combination.models", Place::Asked("models"), found, remedy)
 }
 
 /// A component as it goes in.

@@ -1,9 +1,10 @@
 //! One frame and one grid of directions for all components.
 //!
 //! A goniogram is bilinear between its nodes, so a grid that has all nodes of another holds the same distribution exactly: where all γ run
-//! along one axis, the grid has the nodes of all. Other goniograms are taken to its nodes, and how much goes elsewhere is measured.
+//! along one axis, the grid has the nodes of all, and their C planes too where these are not too many. Other goniograms are taken to its
+//! nodes, and how much goes elsewhere is measured.
 
-use super::component::Changed;
+use super::component::{Changed, nothing};
 use super::sight::{Resampling, Sight, ratio};
 use crate::error::Error;
 use crate::goniogram::{Goniogram, SphereGrid};
@@ -12,8 +13,11 @@ use crate::vocabulary::space::Frame;
 
 /// Most C planes.
 const MOST_PLANES: usize = 720;
-/// Most numbers of all goniograms together, of one quantity.
-const MOST_NUMBERS: usize = 1 << 23;
+/// C planes where those of all models have no common multiple that fits.
+const PLANES: [usize; 7] = [360, 240, 180, 144, 120, 90, 72];
+/// Most numbers of all goniograms together, of one quantity; and of all their bands.
+const MOST_NUMBERS: usize = 1 << 21;
+const MOST_SPECTRAL_NUMBERS: usize = 1 << 22;
 /// Steps for goniograms that are not told along the common γ, degrees; all make 180.
 const STEPS_DEG: [f64; 9] = [1.0, 1.5, 2.0, 2.5, 3.0, 5.0, 7.5, 10.0, 15.0];
 /// Of the finest step of such a goniogram, the part that its new step is at most.
@@ -42,18 +46,21 @@ pub struct Common {
 /// # Errors
 /// [`Error::Refused`] where grids cannot be one, and where a beam is too narrow to be told on the common grid.
 pub fn unite(components: &mut [Changed], bands: usize, notices: &mut Notices) -> Result<Common, Error> {
-    let frame = components.first().ok_or_else(super::nothing)?.sight.nearest_frame();
+    let frame = components.first().ok_or_else(nothing)?.sight.nearest_frame();
     let goniograms = |is: fn(&Goniogram) -> bool| {
         let of = |own: &Changed| own.zones.iter().map(|zone| &zone.goniogram).filter(|own| is(own)).count() + 1;
         components.iter().map(of).sum::<usize>()
     };
     let fine: Vec<(Sight, &SphereGrid)> = components.iter().map(|own| (own.sight, &own.grid)).collect();
-    let grid = common(&fine, &frame, goniograms(|_| true))?;
+    let grid = common(&fine, &frame, MOST_NUMBERS / goniograms(|_| true))?;
     let spectral: Vec<(Sight, &SphereGrid)> =
         components.iter().filter(|own| own.has_spectral()).map(|own| (own.sight, &own.spectral_grid)).collect();
     let spectral_grid = match spectral.as_slice() {
         [] => coarse(&grid),
-        spectral => common(spectral, &frame, bands * goniograms(|own| !own.spectral_w_per_sr_nm.is_empty()))?,
+        spectral => {
+            let count = bands.max(1) * goniograms(|own| !own.spectral_w_per_sr_nm.is_empty());
+            common(spectral, &frame, MOST_SPECTRAL_NUMBERS / count)?
+        }
     };
     let common = Common { frame, grid, spectral_grid };
     for component in components.iter_mut() {
@@ -77,41 +84,46 @@ pub fn unite(components: &mut [Changed], bands: usize, notices: &mut Notices) ->
     Ok(common)
 }
 
-/// A grid that holds what all see; `count` goniograms are told on it.
-fn common(seen: &[(Sight, &SphereGrid)], frame: &Frame, count: usize) -> Result<SphereGrid, Error> {
+/// A grid of at most so many nodes that holds what all see.
+fn common(seen: &[(Sight, &SphereGrid)], frame: &Frame, most_nodes: usize) -> Result<SphereGrid, Error> {
     if let [(first, grid), rest @ ..] = seen
         && first.is(frame)
         && rest.iter().all(|(sight, other)| sight.is(frame) && other == grid)
     {
         return Ok((*grid).clone());
     }
-    let fits = |grid: &SphereGrid| grid.c_planes() * grid.gamma_nodes() <= MOST_NUMBERS / count.max(1);
-    let candidates = STEPS_DEG.into_iter().filter_map(|least_deg| with_nodes_of_all(seen, frame, least_deg));
-    candidates.into_iter().find(fits).ok_or_else(|| {
+    let least_planes = seen.iter().map(|(_, grid)| grid.c_planes()).max().unwrap_or(1);
+    let fitting = |least_deg: f64| {
+        let (gamma_deg, planes) = nodes_of_all(seen, frame, least_deg);
+        let enough = PLANES.into_iter().filter(|planes| *planes >= least_planes);
+        let planes = planes.into_iter().chain(enough).find(|planes| planes * gamma_deg.len() <= most_nodes)?;
+        Some(SphereGrid::uneven(gamma_deg, planes))
+    };
+    STEPS_DEG.into_iter().find_map(fitting).ok_or_else(|| {
         let found = "The grids of directions of the models do not fit into one of a reasonable size.";
         Error::refused("combination.too_large", found, ALIKE)
     })
 }
 
-/// The grid with the nodes of all that look along its γ, and with even steps of `least_deg` at least for the others; `None` of too many planes.
-fn with_nodes_of_all(seen: &[(Sight, &SphereGrid)], frame: &Frame, least_deg: f64) -> Option<SphereGrid> {
-    let (mut gamma_deg, mut planes) = (vec![0.0, 90.0, 180.0], 1);
+/// The nodes of γ, degrees, of all that look along `frame`, and even ones at least `least_deg` apart for the others; and the C planes that hold
+/// those of all, where they are not too many.
+fn nodes_of_all(seen: &[(Sight, &SphereGrid)], frame: &Frame, least_deg: f64) -> (Vec<f64>, Option<usize>) {
+    let (mut gamma_deg, mut planes) = (vec![0.0, 90.0, 180.0], Some(1));
     for (sight, grid) in seen {
         let own_deg = grid.gamma_deg();
-        if !sight.is_along(frame) {
+        let own_planes = if sight.is_along(frame) {
+            let is_upside_down = sight.frame.nadir != frame.nadir;
+            gamma_deg.extend(own_deg.iter().map(|degrees| if is_upside_down { 180.0 - degrees } else { *degrees }));
+            // Another C0 lies a quarter or two away.
+            if sight.is(frame) { Some(grid.c_planes()) } else { common_multiple(grid.c_planes(), 4) }
+        } else {
             let finest_deg = own_deg.windows(2).map(|pair| pair[1] - pair[0]).fold(180.0, f64::min);
-            let step_deg = STEPS_DEG.into_iter().rev().find(|step| *step <= FINER * finest_deg).unwrap_or(STEPS_DEG[0]);
-            let step_deg = step_deg.max(least_deg);
-            let steps = (180.0 / step_deg).round() as usize;
+            let finer = STEPS_DEG.into_iter().rev().find(|step| *step <= FINER * finest_deg);
+            let steps = (180.0 / finer.unwrap_or(STEPS_DEG[0]).max(least_deg)).round() as usize;
             gamma_deg.extend((0..=steps).map(|node| node as f64 * 180.0 / steps as f64));
-            planes = common_multiple(planes, 2 * steps)?;
-            continue;
-        }
-        let is_upside_down = sight.frame.nadir != frame.nadir;
-        gamma_deg.extend(own_deg.iter().map(|degrees| if is_upside_down { 180.0 - degrees } else { *degrees }));
-        // Another C0 lies a quarter or two away.
-        let own = if sight.is(frame) { grid.c_planes() } else { common_multiple(grid.c_planes(), 4)? };
-        planes = common_multiple(planes, own)?;
+            Some(2 * steps)
+        };
+        planes = planes.zip(own_planes).and_then(|(all, own)| common_multiple(all, own));
     }
     gamma_deg.sort_by(f64::total_cmp);
     gamma_deg.dedup_by(|next, kept| *next - *kept < SAME_DEG);
@@ -119,7 +131,7 @@ fn with_nodes_of_all(seen: &[(Sight, &SphereGrid)], frame: &Frame, least_deg: f6
     if let Some(last) = gamma_deg.last_mut() {
         *last = 180.0;
     }
-    Some(SphereGrid::uneven(gamma_deg, planes))
+    (gamma_deg, planes)
 }
 
 fn common_multiple(a: usize, b: usize) -> Option<usize> {

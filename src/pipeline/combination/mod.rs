@@ -29,17 +29,11 @@ use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::units::Flux;
 use crate::vocabulary::watch::StageWatch;
-use component::Changed;
+use component::{Changed, nothing};
 use grids::Common;
 
 /// Most models in one.
 pub const MOST_MODELS: usize = 64;
-
-/// The error of a combination of no models.
-fn nothing() -> Error {
-    let (found, remedy) = ("There is no model to combine.", "Name one model at least.");
-    Error::invalid_declaration("combination.models", Place::Asked("models"), found, remedy)
-}
 
 /// The model that all components are together.
 ///

@@ -3,6 +3,8 @@
 //! glTF 2.0 binary. Metres, Y up: (x, z, -y)/1000 is a rotation, so winding and normals keep. Spectra are `_SPECTRUM_nnn`
 //! attributes, band-major in one view; attributes are named, never numbered, because accessor indices do not survive a re-save.
 
+/// The axes of glTF.
+mod axes;
 /// The binary chunk.
 mod buffer;
 /// The JSON chunk.
@@ -22,6 +24,7 @@ use crate::source::Columns;
 use crate::volume::Volume;
 use crate::writing::Artifact;
 use crate::writing::json::unwritten;
+use axes::gltf_from_source;
 use buffer::Buffer;
 use document::{Asset, BufferEntry, Document, Extras, LIGHTS_IES, Material, Mesh, Node, Primitive, Scene};
 use emitter::Emitter;
@@ -77,11 +80,6 @@ pub fn artifact(model: &Model, options: &RunOptions) -> Result<Artifact, Error> 
     };
     let json = serde_json::to_vec(&document).map_err(unwritten)?;
     Ok(Artifact { name: NAME.to_owned(), media_type: "model/gltf-binary", bytes: container(json, buffer.bytes)? })
-}
-
-/// glTF metres, Y up, of source millimetres.
-pub fn gltf_from_source(vector: DVec3) -> DVec3 {
-    DVec3::new(vector.x, vector.z, -vector.y)
 }
 
 /// Attributes by name, each the index of its accessor.

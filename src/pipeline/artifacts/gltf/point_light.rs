@@ -4,9 +4,9 @@
 //! The extension's light sends γ = 0 along -Z of its node and C270 along +X; so C0 goes along +Y, because C counts counter-clockwise as
 //! seen from γ = 180°.
 
+use super::axes::gltf_from_source;
 use super::buffer::Buffer;
 use super::document::{Light, LightOfNode, Lights, Node, NodeExtensions, RootExtensions};
-use super::gltf_from_source;
 use crate::artifacts::ies;
 use crate::model::Model;
 use crate::options::Options as RunOptions;
