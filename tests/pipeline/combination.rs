@@ -226,6 +226,8 @@ fn a_narrow_beam_is_turned_by_quarters_only() {
 fn light_adds_up() {
     let mut wide = Options::default();
     wide.rays.band_edges_nm = Some((0..=16).map(|k| 300.0 + 37.5 * f64::from(k)).collect());
+    // C planes of which the others have a common multiple.
+    (wide.goniogram.gamma_step_deg, wide.goniogram.c_step_deg) = (Some(4.0), Some(15.0));
     let (chips, dome) = (component("four-chips", &Options::default()), component("dome", &wide));
     let narrow = component("narrow-beam", &Options::default());
     let high = DVec3::new(0.0, 0.5, 2.0);

@@ -63,22 +63,22 @@ pub fn unite(components: &mut [Changed], bands: usize, notices: &mut Notices) ->
         }
     };
     let common = Common { frame, grid, spectral_grid };
-    for component in components.iter_mut() {
+    for (index, component) in components.iter_mut().enumerate() {
         let astray = common.take(component, bands);
-        let name = &component.ancestor.name;
+        let (name, percent) = (&component.ancestor.name, 100.0 * astray);
         if astray > ASTRAY_REFUSED {
             let found = format!(
-                "Turned like this, {:.1} % of the light of {name} would go into other directions: its beam is too narrow for a grid round another axis.",
-                100.0 * astray
+                "Of {name}, {percent:.1} % of the light would go into other directions than before: its beam is too narrow for the common grid."
             );
             return Err(Error::refused("combination.blurred", found, ALIKE));
         }
         if astray > ASTRAY_WORTH_A_NOTICE {
             let found = format!(
-                "The directions of {name} are told on a grid round another axis than before; {:.2} % of its light goes into others by that.",
-                100.0 * astray
+                "Its directions are told on another grid than before, by which {percent:.2} % of its light goes into others."
             );
-            notices.add("combination.resampled", found);
+            let mut own = Notices::default();
+            own.add("combination.resampled", found);
+            notices.merge_of_channel(index, name, own.iter());
         }
     }
     Ok(common)
