@@ -3,7 +3,9 @@
 use super::ray_file;
 use super::ray_file::RayFiles;
 use super::terminal::failure::Failure;
-use pipeline::{Column, Declared, FluxOverride, Input, LengthUnit, MAX_SPECTRUM_BYTES, Notice, Quantity, Total};
+use pipeline::{
+    Column, Declared, FluxOverride, Input, LengthUnit, MAX_SPECTRUM_BYTES, Notice, Quantity, SpectrumFile, Total,
+};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -73,8 +75,7 @@ impl ChannelFile {
 
     fn declared(&self) -> Result<(Declared, Vec<Notice>), Failure> {
         let Some(path) = &self.spectrum else { return Ok((self.declared.clone(), Vec::new())) };
-        let read = pipeline::spectrum(&start(path)?);
-        let read = read.map_err(|error| Failure::from(error).at(path.display().to_string()))?;
+        let read = spectrum(path)?;
         Ok((Declared { spectrum: Some(read.table), ..self.declared.clone() }, read.notices.to_vec()))
     }
 
@@ -97,6 +98,14 @@ impl ChannelFile {
         };
         put(&mut declared.flux, "flux or share", flux)
     }
+}
+
+/// A spectrum file.
+///
+/// # Errors
+/// Whatever the disk answers; a spectrum that is refused.
+pub fn spectrum(path: &Path) -> Result<SpectrumFile, Failure> {
+    pipeline::spectrum(&start(path)?).map_err(|error| Failure::from(error).at(path.display().to_string()))
 }
 
 /// The start of a file, one byte more than a spectrum may have.

@@ -1,6 +1,6 @@
 //! A model and what is changed of it, as one argument: `led,scale=0.5,turn=+X:180,move=0:0:5`.
 
-use super::channel_argument::{pieces, total};
+use super::channel_argument::{pieces, spectrum, total};
 use super::rays::files;
 use super::terminal::argument;
 use super::terminal::failure::Failure;
@@ -11,7 +11,8 @@ use std::path::PathBuf;
 /// Help of the argument.
 pub const HELP: &str = "\
 Models: folders that `build` or `combine` wrote, or a model.zip; only emitter.glb and goniograms.json are read. What is changed follows
-after commas; first the flux, then the turns in their order, about the origin, then the move:
+after commas; first the spectrum, then the flux, then the turns in their order, about the origin, then the move:
+  spectrum=FILE    all of its light gets this spectrum: its W stay and its lm follow; files as for `build`
   scale=FACTOR     its flux times FACTOR
   flux=FLUX        its flux, as 1.2W or 337lm; the other quantity goes along
   turn=AXIS:DEG    turned about an axis of the ray file, +X -X +Y -Y +Z -Z or three numbers (0:1:1:30), counter-clockwise as seen from
@@ -24,7 +25,7 @@ Two LEDs back to back, and a white LED of the bin that its data sheet names:
   lampwright combine yellow,flux=91lm blue,flux=7lm -o white";
 
 /// The keys, in the order of [`HELP`].
-const KEYS: [&str; 5] = ["scale", "flux", "turn", "move", "name"];
+const KEYS: [&str; 6] = ["spectrum", "scale", "flux", "turn", "move", "name"];
 
 /// A model with what is changed of it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -32,6 +33,7 @@ pub struct ModelFile {
     /// A folder or a zip.
     pub path: PathBuf,
     name: Option<String>,
+    spectrum: Option<PathBuf>,
     change: Change,
     is_moved: bool,
 }
@@ -43,7 +45,9 @@ impl ModelFile {
     /// Whatever the disk answers, or the zip holds no model.
     pub fn open(&self) -> Result<Component, Failure> {
         let [emitter, goniograms] = files(&self.path)?;
-        Ok(Component { name: self.name.clone(), emitter, goniograms, change: self.change.clone() })
+        let spectrum = self.spectrum.as_deref().map(spectrum).transpose()?;
+        let change = Change { spectrum: spectrum.map(|read| read.table), ..self.change.clone() };
+        Ok(Component { name: self.name.clone(), emitter, goniograms, change })
     }
 
     fn say(&mut self, key: &str, value: &str) -> Result<(), String> {
@@ -59,6 +63,7 @@ impl ModelFile {
                 self.change.move_mm = vector.map_err(|_| "write a move in mm as 0:0:5".to_owned())?;
                 return Ok(());
             }
+            "spectrum" => return once(&mut self.spectrum, PathBuf::from(value), "spectrum"),
             "name" => return once(&mut self.name, value.to_owned(), "name"),
             "flux" => Strength::Flux(total(value)?),
             _ => Strength::Factor(value.trim().parse().map_err(|_| "write a scale as 0.5".to_owned())?),
@@ -103,11 +108,13 @@ mod tests {
 
     #[test]
     fn everything_that_can_be_said_arrives() {
-        let said = "a,b/model.zip,scale=0.5,turn=+X:180,turn=0:1:1:-30,move=0:-1.5:1e2,name=left, low";
+        let said = "a,b/model.zip,spectrum=s.txt,scale=0.5,turn=+X:180,turn=0:1:1:-30,move=0:-1.5:1e2,name=left, low";
         let expected = ModelFile {
             path: "a,b/model.zip".into(),
             name: Some("left, low".into()),
+            spectrum: Some("s.txt".into()),
             change: Change {
+                spectrum: None,
                 strength: Some(Strength::Factor(0.5)),
                 turns: vec![
                     Turn { axis: Vector::X, degrees: 180.0 },

@@ -62,6 +62,7 @@ async fn what_cannot_be_combined_is_told() {
         (with(json!({"rotate": 1})), "request.unknown_field", "models[0].rotate"),
         (with(json!({"scale": 0})), "combination.change", "scale"),
         (with(json!({"scale": 1, "flux": {"radiant_w": 1}})), "combination.change", "models.scale"),
+        (with(json!({"spectrum": {"nm_value": [[500, 0]]}})), "combination.change", "models.spectrum"),
         (with(json!({"flux": {"radiant_w": -1}})), "combination.change", "scale"),
         (with(json!({"turns": [{"axis": [0, 0, 0], "degrees": 1}]})), "combination.change", "turn"),
         (with(json!({"move_mm": [0, 0, 1e12]})), "combination.change", "move_mm"),
@@ -72,6 +73,7 @@ async fn what_cannot_be_combined_is_told() {
         assert_eq!(reply.json()["at"].as_str().unwrap_or_default(), at, "{body}");
     }
     let nobody = json!({"models": [{"job": "0190b5a0-0000-7000-8000-000000000000"}]});
+    site.post(ADDRESS, &with(json!({"spectrum": {"id": "none"}}))).await.is_problem(404, "spectrum.not_found");
     site.post(ADDRESS, &nobody).await.is_problem(404, "job.not_found");
     let other = Site::start(prompt()).await;
     let job = other.job(&other.ray_set().await).await;

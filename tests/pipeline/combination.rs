@@ -8,8 +8,8 @@ use pipeline::evaluation::{Kind, Plane, Request, View, evaluate};
 use pipeline::known_sources::by_name;
 use pipeline::vocabulary::watch::StageWatch;
 use pipeline::{
-    Artifact, Change, Component, Emission, Error, Limits, NoProgress, Options, Outcome, Stage, Strength, Total, Turn,
-    combine,
+    Artifact, Change, Component, Emission, Error, Limits, NoProgress, Options, Outcome, Stage, Strength, Table, Total,
+    Turn, combine,
 };
 use serde_json::Value;
 
@@ -283,6 +283,29 @@ fn a_flux_that_is_asked_for_is_the_flux() {
     let [w, lm] = total_flux(&stored(&of(&outcome)));
     assert!((lm / 337.0 - 1.0).abs() < 1e-6 && (w / (watts * 337.0 / lumens) - 1.0).abs() < 1e-6, "{w} W, {lm} lm");
     assert!((outcome.model.flux.luminous_lm.unwrap() / 337.0 - 1.0).abs() < 1e-12);
+}
+
+/// Light of one line has its lm/W: 683 V(λ), V(520 nm) = 0.710 (CIE 1924). Places and directions keep their W, and a model that had no spectrum
+/// has one.
+#[test]
+fn a_spectrum_that_is_given_is_the_spectrum() {
+    let lamp = component("four-chips", &Options::default());
+    let [watts, _] = total_flux(&stored(&lamp));
+    let given = |strength| {
+        let spectrum = Table::new(&[(520.0, 1.0)]);
+        stored(&of(&combined(&[changed(&lamp, Change { spectrum, strength, ..Change::default() })]).unwrap()))
+    };
+    let green = given(None);
+    let [w, lm] = total_flux(&green);
+    assert!((w / watts - 1.0).abs() < 1e-6 && (lm / (w * 683.0 * 0.710) - 1.0).abs() < 1e-4, "{w} W, {lm} lm");
+    let view = || plane(DVec3::new(1.0, 0.0, 4.0), DVec3::NEG_Z, DVec3::Y);
+    let [found, expected] = [&green, &stored(&lamp)].map(|model| values(model, view(), Kind::Radiant));
+    assert_same("radiant", &found, &expected, 1e-4);
+    let spectrum = values(&green, View::Directions(vec![DVec3::Z]), Kind::Spectrum);
+    let lit: Vec<usize> = (0..spectrum.len()).filter(|band| spectrum[*band].0 > 0.0).collect();
+    assert_eq!(lit, [14], "520 to 530 nm of bands of 10 nm from 380 on");
+    let [w, lm] = total_flux(&given(Some(Strength::Flux(Total::LuminousLm(100.0)))));
+    assert!((lm / 100.0 - 1.0).abs() < 1e-6 && (w * 683.0 * 0.710 / 100.0 - 1.0).abs() < 1e-4, "{w} W, {lm} lm");
 }
 
 #[test]

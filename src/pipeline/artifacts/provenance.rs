@@ -122,8 +122,8 @@ pub struct Provenance<'a> {
     models: Option<Vec<ModelFacts<'a>>>,
 }
 
-/// A model that another was made of without its rays, and what was changed: its flux was multiplied, then it was turned about the origin,
-/// then moved.
+/// A model that another was made of without its rays, and what was changed: its light was given a spectrum, its flux was multiplied, then it
+/// was turned about the origin, then moved.
 #[derive(Serialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
 pub struct ModelFacts<'a> {
@@ -135,6 +135,9 @@ pub struct ModelFacts<'a> {
     /// SHA-256 of its goniograms.json.
     #[schemars(regex(pattern = SHA256))]
     goniograms_sha256: &'a str,
+    /// SHA-256 of the points of the spectrum that its light was given, as in inputs; null: it has its own.
+    #[schemars(regex(pattern = SHA256))]
+    spectrum_sha256: Option<String>,
     /// What its flux was multiplied by.
     #[schemars(extend("exclusiveMinimum" = 0))]
     flux_factor: f64,
@@ -158,6 +161,7 @@ impl<'a> ModelFacts<'a> {
             name: &ancestor.name,
             emitter_sha256: &ancestor.emitter_sha256,
             goniograms_sha256: &ancestor.goniograms_sha256,
+            spectrum_sha256: ancestor.spectrum.as_ref().and_then(table_sha256),
             flux_factor: sum(ancestor.factor),
             turn: ancestor.turn.transpose().to_cols_array_2d().map(|row| row.map(sum)),
             move_mm: ancestor.move_mm.to_array().map(sum),

@@ -54,6 +54,9 @@ fn models(model: &Model) -> Vec<String> {
     let triple = |vector: DVec3| vector.to_array().map(|part| text(sum(part), 6)).join(", ");
     let change = |(at, ancestor): (usize, &Ancestor)| {
         let mut words = vec![format!("flux times {}", text(ancestor.factor, 6))];
+        if ancestor.spectrum.is_some() {
+            words.insert(0, "given a spectrum".to_owned());
+        }
         let (axis, angle) = DQuat::from_mat3(&ancestor.turn).to_axis_angle();
         if ancestor.turn != DMat3::IDENTITY {
             words.push(format!("turned by {} degrees about ({})", text(angle.to_degrees(), 6), triple(axis)));

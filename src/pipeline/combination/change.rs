@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Place};
 use crate::vocabulary::declaration::Total;
+use crate::vocabulary::spectrum::Table;
 use crate::vocabulary::units::Flux;
 use glam::{DMat3, DVec3};
 
@@ -28,9 +29,11 @@ pub struct Turn {
     pub degrees: f64,
 }
 
-/// What is changed: the flux; then the model is turned, turn by turn; then moved.
+/// What is changed: the spectrum, then the flux; then the model is turned, turn by turn; then moved.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Change {
+    /// The spectrum that all of its light gets; `None`: as it is.
+    pub spectrum: Option<Table>,
     /// How strong its light becomes; `None`: as it is.
     pub strength: Option<Strength>,
     /// Turns, in their order.

@@ -2,6 +2,7 @@
 
 use super::change::Change;
 use super::sight::Sight;
+use super::spectrum;
 use crate::artifacts::read::{details, read};
 use crate::error::{Error, Place};
 use crate::flux::Amounts;
@@ -75,24 +76,17 @@ impl Changed {
         let details = details::of(emitter, goniograms, &model)?;
         let knows = [Quantity::Radiant, Quantity::Luminous].map(|quantity| Evaluator::new(&model, quantity).is_some());
         let (turn, shift_mm) = (change.rotation()?, change.shift_mm()?);
-        let mut volume = model.volume;
-        let flux = volume.as_ref().map_or(details.total.flux, |volume| known(volume.nodes.total(), details.total.flux));
-        let factor = change.factor(&flux)?;
-        if let Some(volume) = &mut volume {
-            if turn != DMat3::IDENTITY {
-                let found = "The model is a volume, whose lattice cannot be turned.";
-                let remedy = "Turn the other models instead, or build the model with --emission origins.";
-                return Err(Error::refused("combination.volume", found, remedy));
-            }
-            volume.lattice.min_mm += shift_mm;
-            scale(&mut volume.nodes, factor);
+        if model.volume.is_some() && turn != DMat3::IDENTITY {
+            let found = "The model is a volume, whose lattice cannot be turned.";
+            let remedy = "Turn the other models instead, or build the model with --emission origins.";
+            return Err(Error::refused("combination.volume", found, remedy));
         }
-        let name = name.clone().unwrap_or(model.name);
         let ancestor = Ancestor {
-            name: name.clone(),
+            name: name.clone().unwrap_or(model.name),
             emitter_sha256: digest(emitter)?,
             goniograms_sha256: digest(goniograms)?,
-            factor,
+            spectrum: change.spectrum.clone(),
+            factor: 1.0,
             turn,
             move_mm: shift_mm,
             provenance: details.provenance,
@@ -101,7 +95,7 @@ impl Changed {
         let vertices_mm = model.vertices_mm.into_iter().map(put).collect();
         let sight = Sight::turned(model.frame, turn);
         let mut changed = Changed {
-            origin: origin(&name, &ancestor, emitter.len(), details.rays, &model.spectral),
+            origin: origin(&ancestor, emitter.len(), details.rays, &model.spectral),
             ancestor,
             hull: Hull::given(vertices_mm, model.triangles, details.labels),
             vertices: model.vertices,
@@ -113,20 +107,33 @@ impl Changed {
             spectral_grid: model.spectral_grid,
             zones: details.zones,
             total: details.total,
-            volume,
+            volume: model.volume,
             spectral: model.spectral,
             knows,
         };
-        scale(&mut changed.vertices, factor);
-        scale(&mut changed.triangles, factor);
-        scale_goniogram(&mut changed.total, factor);
         for zone in &mut changed.zones {
-            scale_goniogram(&mut zone.goniogram, factor);
             zone.centroid_mm = put(zone.centroid_mm);
             zone.bounds_mm = Bounds::of(corners_mm(&zone.bounds_mm).map(put));
         }
+        if let Some(volume) = &mut changed.volume {
+            volume.lattice.min_mm += shift_mm;
+        }
+        if let Some(table) = &change.spectrum {
+            spectrum::give(&mut changed, table)?;
+        }
+        changed.scale(change.factor(&changed.total.flux)?);
         changed.origin.flux = changed.total.flux;
         Ok(changed)
+    }
+
+    /// Multiplies its flux.
+    fn scale(&mut self, factor: f64) {
+        self.ancestor.factor = factor;
+        let nodes = self.volume.as_mut().map(|volume| &mut volume.nodes);
+        for amounts in [&mut self.vertices, &mut self.triangles].into_iter().chain(nodes) {
+            scale(amounts, factor);
+        }
+        self.goniograms_mut().for_each(|goniogram| scale_goniogram(goniogram, factor));
     }
 
     /// A zone without any intensity sends what smoothing gave to its vertices as the whole model does. Beside other models the whole is another,
@@ -154,19 +161,11 @@ impl Changed {
     }
 }
 
-/// A flux as it is, where its quantities are known.
-fn known(sum: Flux, known: Flux) -> Flux {
-    Flux {
-        radiant_w: sum.radiant_w.filter(|_| known.radiant_w.is_some()),
-        luminous_lm: sum.luminous_lm.filter(|_| known.luminous_lm.is_some()),
-    }
-}
-
-fn origin(name: &str, ancestor: &Ancestor, bytes: usize, rays: [u64; 2], spectral: &Spectral) -> Origin {
+fn origin(ancestor: &Ancestor, bytes: usize, rays: [u64; 2], spectral: &Spectral) -> Origin {
     let [ray_count, rays_used] = rays;
     Origin {
-        name: name.to_owned(),
-        channel: name.to_owned(),
+        name: ancestor.name.clone(),
+        channel: ancestor.name.clone(),
         sha256: ancestor.emitter_sha256.clone(),
         byte_count: bytes as u64,
         format: FORMAT,

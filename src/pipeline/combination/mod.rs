@@ -10,6 +10,8 @@ pub mod change;
 mod sight;
 /// A model that goes in.
 mod component;
+/// One spectrum for all light of a model.
+mod spectrum;
 /// One spectral side for all.
 mod bands;
 /// One frame and one grid for all.

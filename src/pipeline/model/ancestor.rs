@@ -1,5 +1,6 @@
 //! A model that another was made of without its rays, and what was changed.
 
+use crate::vocabulary::spectrum::Table;
 use glam::{DMat3, DVec3};
 use serde_json::Value;
 
@@ -12,7 +13,9 @@ pub struct Ancestor {
     pub emitter_sha256: String,
     /// SHA-256 of its `goniograms.json`, lower-case hex.
     pub goniograms_sha256: String,
-    /// What its flux was multiplied by.
+    /// The spectrum that all of its light was given.
+    pub spectrum: Option<Table>,
+    /// What its flux was multiplied by after that.
     pub factor: f64,
     /// How it was turned about the origin: takes its directions to those of the combination.
     pub turn: DMat3,

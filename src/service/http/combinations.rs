@@ -8,12 +8,13 @@ use super::job::find;
 use super::problem::Problem;
 use super::rays::model_files;
 use crate::accounts::access::Access;
-use crate::jobs::request::TotalFlux;
+use crate::jobs::request::{SpectrumChoice, TotalFlux};
 use crate::models::combination::{Made, Wanted};
+use crate::spectra;
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
-use pipeline::{Change, Error, Place, Strength, Turn, Vector};
+use pipeline::{Change, Error, Place, Strength, Table, Turn, Vector};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -31,7 +32,7 @@ pub struct NewCombination {
     pub models: Vec<ChangedModel>,
 }
 
-/// The model of a job, and what is changed of it: first its flux, then it is turned, then moved. Fields that are left out change nothing.
+/// The model of a job, and what is changed of it: first its spectrum, then its flux, then it is turned, then moved. Fields that are left out change nothing.
 #[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ChangedModel {
@@ -42,6 +43,9 @@ pub struct ChangedModel {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(min_length = 1, max_length = 255, example = "left")]
     pub name: Option<String>,
+    /// The spectrum that all of its light gets: its W stay, and its lm follow.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spectrum: Option<SpectrumChoice>,
     /// What its flux is multiplied by; not beside flux.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(exclusive_minimum = 0.0)]
@@ -71,8 +75,8 @@ pub struct ModelTurn {
 }
 
 impl ChangedModel {
-    /// In the pipeline's words.
-    fn change(&self) -> Result<Change, Problem> {
+    /// In the pipeline's words; `spectrum` is what it names.
+    fn change(&self, spectrum: Option<Table>) -> Result<Change, Problem> {
         let strength = match (self.scale, self.flux) {
             (Some(_), Some(_)) => {
                 let found = "A model has a scale and a flux.";
@@ -83,7 +87,7 @@ impl ChangedModel {
         };
         let turn = |turn: &ModelTurn| Turn { axis: Vector::from_array(turn.axis), degrees: turn.degrees };
         let turns = self.turns.iter().flatten().map(turn).collect();
-        Ok(Change { strength, turns, move_mm: Vector::from_array(self.move_mm.unwrap_or_default()) })
+        Ok(Change { spectrum, strength, turns, move_mm: Vector::from_array(self.move_mm.unwrap_or_default()) })
     }
 }
 
@@ -114,7 +118,7 @@ pub async fn combine(
     }
     let mut wanted = Vec::with_capacity(new.models.len());
     for model in new.models {
-        let change = model.change()?;
+        let change = model.change(spectrum(&api, &access, model.spectrum.as_ref()).await?)?;
         find(&api, &access, &model.job).await?;
         wanted.push(Wanted { files: model_files(&api, &model.job).await?, name: model.name, change });
     }
@@ -131,4 +135,22 @@ pub async fn combine(
         Made::TooLong => Err(Problem::combination_too_long()),
         Made::Stopping => Err(Problem::draining()),
     }
+}
+
+/// The spectrum that a model is to get.
+async fn spectrum(api: &Api, access: &Access, choice: Option<&SpectrumChoice>) -> Result<Option<Table>, Problem> {
+    let points = match choice {
+        None => return Ok(None),
+        Some(SpectrumChoice::NmValue(points)) => points.clone(),
+        Some(SpectrumChoice::Id(id)) => {
+            let found = spectra::get(&api.storage.records, &access.tenant, id).await?;
+            found.ok_or_else(|| Problem::no_spectrum(id))?.points()?
+        }
+    };
+    let table = Table::new(&points).ok_or_else(|| {
+        let found = "The points do not form a valid spectrum.";
+        let remedy = "Give wavelengths in nm, positive and increasing, with values of 0 or more, one of them above 0.";
+        Error::invalid_declaration("combination.change", Place::Asked("models.spectrum"), found, remedy)
+    })?;
+    Ok(Some(table))
 }
