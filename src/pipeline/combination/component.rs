@@ -2,7 +2,6 @@
 
 use super::change::Change;
 use super::sight::Sight;
-use super::spectrum;
 use crate::artifacts::read::{details, read};
 use crate::error::{Error, Place};
 use crate::flux::Amounts;
@@ -66,7 +65,7 @@ pub struct Changed {
 }
 
 impl Changed {
-    /// Reads a model and changes it.
+    /// Reads a model, turns and moves it.
     ///
     /// # Errors
     /// As [`read`] and [`details::of`]; [`Error::Unusable`] for a change that cannot be made, [`Error::Refused`] for a volume that is turned.
@@ -118,22 +117,18 @@ impl Changed {
         if let Some(volume) = &mut changed.volume {
             volume.lattice.min_mm += shift_mm;
         }
-        if let Some(table) = &change.spectrum {
-            spectrum::give(&mut changed, table)?;
-        }
-        changed.scale(change.factor(&changed.total.flux)?);
-        changed.origin.flux = changed.total.flux;
         Ok(changed)
     }
 
     /// Multiplies its flux.
-    fn scale(&mut self, factor: f64) {
+    pub fn scale(&mut self, factor: f64) {
         self.ancestor.factor = factor;
         let nodes = self.volume.as_mut().map(|volume| &mut volume.nodes);
         for amounts in [&mut self.vertices, &mut self.triangles].into_iter().chain(nodes) {
             scale(amounts, factor);
         }
         self.goniograms_mut().for_each(|goniogram| scale_goniogram(goniogram, factor));
+        self.origin.flux = self.total.flux;
     }
 
     /// A zone without any intensity sends what smoothing gave to its vertices as the whole model does. Beside other models the whole is another,

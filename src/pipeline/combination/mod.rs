@@ -50,7 +50,12 @@ pub fn combine(components: &[Component], limits: &Limits, watch: StageWatch<'_>)
     }
     let mut changed = Vec::with_capacity(components.len());
     for (at, component) in components.iter().enumerate() {
-        changed.push(Changed::new(component, limits)?);
+        let mut own = Changed::new(component, limits)?;
+        if let Some(table) = &component.change.spectrum {
+            spectrum::give(&mut own, table)?;
+        }
+        own.scale(component.change.factor(&own.total.flux)?);
+        changed.push(own);
         watch.step(0.6 * (at + 1) as f64 / components.len() as f64)?;
     }
     check_volumes(&changed)?;

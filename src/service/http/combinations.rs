@@ -80,7 +80,7 @@ impl ChangedModel {
         let strength = match (self.scale, self.flux) {
             (Some(_), Some(_)) => {
                 let found = "A model has a scale and a flux.";
-                let (place, remedy) = (Place::Asked("models.scale"), "Give one of the two.");
+                let (place, remedy) = (Place::Asked("scale"), "Give one of the two.");
                 return Err(Error::invalid_declaration("combination.change", place, found, remedy).into());
             }
             (scale, flux) => scale.map(Strength::Factor).or(flux.map(|flux| Strength::Flux(flux.total()))),
@@ -150,7 +150,7 @@ async fn spectrum(api: &Api, access: &Access, choice: Option<&SpectrumChoice>) -
     let table = Table::new(&points).ok_or_else(|| {
         let found = "The points do not form a valid spectrum.";
         let remedy = "Give wavelengths in nm, positive and increasing, with values of 0 or more, one of them above 0.";
-        Error::invalid_declaration("combination.change", Place::Asked("models.spectrum"), found, remedy)
+        Error::invalid_declaration("combination.change", Place::Asked("spectrum"), found, remedy)
     })?;
     Ok(Some(table))
 }
