@@ -63,8 +63,11 @@ fn names(inputs: &[Input]) -> String {
     inputs.iter().map(|input| input.name.as_str()).collect::<Vec<_>>().join(" + ")
 }
 
-/// An earlier model in the same folder would leave zones behind that the new one does not have.
-fn make_empty(folder: &Path) -> Result<(), Failure> {
+/// Makes the folder for a model. An earlier model in the same folder would leave zones behind that the new one does not have.
+///
+/// # Errors
+/// It is not empty, or the disk refuses.
+pub fn make_empty(folder: &Path) -> Result<(), Failure> {
     let disk = |error: std::io::Error| Failure::disk(folder, &error);
     fs::create_dir_all(folder).map_err(disk)?;
     if fs::read_dir(folder).map_err(disk)?.next().is_some() {
@@ -83,7 +86,11 @@ fn on_threads<T: Send>(threads: Option<usize>, work: impl FnOnce() -> T + Send) 
     Ok(pool.install(work))
 }
 
-fn write(folder: &Path, outcome: &Outcome) -> Result<(), Failure> {
+/// Writes every file of a model, and its zip.
+///
+/// # Errors
+/// What the disk answers.
+pub fn write(folder: &Path, outcome: &Outcome) -> Result<(), Failure> {
     let put = |name: &str, bytes: &[u8]| {
         let path = folder.join(name);
         let written = path.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::write(&path, bytes));

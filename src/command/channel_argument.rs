@@ -3,7 +3,9 @@
 use super::ray_file;
 use super::ray_file::RayFiles;
 use super::terminal::failure::Failure;
-use pipeline::{Column, Declared, FluxOverride, Input, LengthUnit, MAX_SPECTRUM_BYTES, Notice, Quantity, Total};
+use pipeline::{
+    Column, Declared, FluxOverride, Input, LengthUnit, MAX_SPECTRUM_BYTES, Notice, Quantity, SpectrumFile, Total,
+};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -73,8 +75,7 @@ impl ChannelFile {
 
     fn declared(&self) -> Result<(Declared, Vec<Notice>), Failure> {
         let Some(path) = &self.spectrum else { return Ok((self.declared.clone(), Vec::new())) };
-        let read = pipeline::spectrum(&start(path)?);
-        let read = read.map_err(|error| Failure::from(error).at(path.display().to_string()))?;
+        let read = spectrum(path)?;
         Ok((Declared { spectrum: Some(read.table), ..self.declared.clone() }, read.notices.to_vec()))
     }
 
@@ -99,6 +100,14 @@ impl ChannelFile {
     }
 }
 
+/// A spectrum file.
+///
+/// # Errors
+/// Whatever the disk answers; a spectrum that is refused.
+pub fn spectrum(path: &Path) -> Result<SpectrumFile, Failure> {
+    pipeline::spectrum(&start(path)?).map_err(|error| Failure::from(error).at(path.display().to_string()))
+}
+
 /// The start of a file, one byte more than a spectrum may have.
 fn start(path: &Path) -> Result<Vec<u8>, Failure> {
     let disk = |error: std::io::Error| Failure::disk(path, &error);
@@ -107,8 +116,8 @@ fn start(path: &Path) -> Result<Vec<u8>, Failure> {
     Ok(bytes)
 }
 
-/// `blue.ray,length_unit=in,flux=1.2W`. A comma that no key follows belongs to what stands before it.
-pub fn channel(text: &str) -> Result<ChannelFile, String> {
+/// What an argument names, and its keys with their values. A comma that no key follows belongs to what stands before it.
+pub fn pieces(text: &str) -> Vec<(Option<&str>, String)> {
     let mut pieces: Vec<(Option<&str>, String)> = Vec::new();
     for piece in text.split(',') {
         let key = piece.split_once('=').filter(|(key, _)| key.chars().all(|c| c.is_ascii_lowercase() || c == '_'));
@@ -121,8 +130,13 @@ pub fn channel(text: &str) -> Result<ChannelFile, String> {
             }
         }
     }
+    pieces
+}
+
+/// `blue.ray,length_unit=in,flux=1.2W`.
+pub fn channel(text: &str) -> Result<ChannelFile, String> {
     let mut channel = ChannelFile::default();
-    for (key, value) in pieces {
+    for (key, value) in pieces(text) {
         match key {
             None => channel.path = PathBuf::from(value),
             Some(key) if !KEYS.contains(&key) => {

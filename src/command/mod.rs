@@ -23,6 +23,10 @@ pub mod convert;
 pub mod rays;
 /// `evaluate`: intensity, irradiance, luminance of a model.
 pub mod evaluate;
+/// A model with what is changed of it, as one argument.
+mod model_argument;
+/// `combine`: models changed, and several as one.
+pub mod combine;
 /// `sample`: known sources as ray files.
 pub mod sample;
 /// `openapi`: the contract.

@@ -92,14 +92,21 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 /// # Errors
 /// It cannot be read, or is none.
 pub fn stored(path: &Path) -> Result<StoredModel, Failure> {
+    let [emitter, angles] = files(path)?;
     let place = || path.display().to_string();
-    let [emitter, angles] = if path.is_dir() {
-        [in_folder(path, MODEL_FILES[0])?, in_folder(path, MODEL_FILES[1])?]
-    } else {
-        let file = File::open(path).map_err(|error| Failure::disk(path, &error))?;
-        unpack(BufReader::new(file)).map_err(|error| Failure::from(error).at(place()))?
-    };
     read(&emitter, &angles, &Limits::default()).map_err(|error| Failure::from(error).at(place()))
+}
+
+/// The bytes of `emitter.glb` and `goniograms.json` in a folder or in a zip.
+///
+/// # Errors
+/// The disk does not have them, or the zip holds no model.
+pub fn files(path: &Path) -> Result<[Vec<u8>; 2], Failure> {
+    if path.is_dir() {
+        return Ok([in_folder(path, MODEL_FILES[0])?, in_folder(path, MODEL_FILES[1])?]);
+    }
+    let file = File::open(path).map_err(|error| Failure::disk(path, &error))?;
+    unpack(BufReader::new(file)).map_err(|error| Failure::from(error).at(path.display().to_string()))
 }
 
 fn in_folder(folder: &Path, name: &str) -> Result<Vec<u8>, Failure> {

@@ -39,6 +39,8 @@ pub mod model;
 pub mod candidates;
 /// 6. Results to files.
 pub mod artifacts;
+/// Models changed, and several as one, without their rays.
+pub mod combination;
 /// As many new rays of a model as are wanted.
 pub mod new_rays;
 /// A model evaluated without noise: intensity, irradiance, radiance.
@@ -47,6 +49,7 @@ pub mod evaluation;
 pub mod memory;
 
 pub use artifacts::read::{FILES as MODEL_FILES, StoredModel, check_size as check_model_size, read as read_model};
+pub use combination::{Change, Component, MOST_MODELS, Strength, Turn};
 pub use convert::{Failed, Target};
 pub use error::{Error, Fault, Place};
 pub use evaluation::{
@@ -108,7 +111,25 @@ pub fn run(inputs: &[Input], options: &Options, limits: &Limits, watch: &dyn Wat
         Stage::Hull => Ok(hull_stage.part(CHOICE, 1.0)),
         stage => StageWatch::enter(watch, stage),
     })?;
-    let model = model.with_study(chosen.study);
+    written(model.with_study(chosen.study), options, watch)
+}
+
+/// The model that others are together, each changed, and its files; without the rays that they were made of.
+///
+/// # Errors
+/// As [`combination::combine`] and [`artifacts::write`].
+pub fn combine(
+    components: &[Component],
+    options: &Options,
+    limits: &Limits,
+    watch: &dyn Watch,
+) -> Result<Outcome, Error> {
+    let model = combination::combine(components, limits, StageWatch::enter(watch, Stage::Model)?)?;
+    written(model, options, watch)
+}
+
+/// A model with its files.
+fn written(model: model::Model, options: &Options, watch: &dyn Watch) -> Result<Outcome, Error> {
     let artifacts = artifacts::write(&model, options, StageWatch::enter(watch, Stage::Artifacts)?)?;
     let notices = model.notices.iter().cloned().chain(artifacts::notices(&model).to_vec()).collect();
     Ok(Outcome { model, artifacts, notices })

@@ -106,8 +106,8 @@ fn is_refused(reply: &Reply) {
     }
 }
 
-/// A question that is too long for an address: nothing is kept of it.
-const ASKING: &str = "evaluate_model";
+/// Questions that are too long for an address: nothing is kept of them.
+const ASKING: [&str; 2] = ["combine_models", "evaluate_model"];
 
 /// Every operation of the contract that may change something.
 fn writing() -> Vec<String> {
@@ -116,7 +116,7 @@ fn writing() -> Vec<String> {
     for methods in contract["paths"].as_object().unwrap().values() {
         for (method, operation) in methods.as_object().unwrap() {
             let id = operation["operationId"].as_str().unwrap();
-            if ["post", "put", "patch", "delete"].contains(&method.as_str()) && id != ASKING {
+            if ["post", "put", "patch", "delete"].contains(&method.as_str()) && !ASKING.contains(&id) {
                 writing.push(id.to_owned());
             }
         }

@@ -23,6 +23,8 @@ mod packed;
 mod rays;
 /// Evaluations of the models of jobs.
 mod evaluations;
+/// Models of jobs combined.
+mod combinations;
 /// Keys, tenants, quotas and rates.
 mod access;
 /// What connections may ask of the process.

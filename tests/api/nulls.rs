@@ -79,6 +79,7 @@ async fn a_null_is_as_if_left_out_in_every_json_body_of_the_contract() {
         ("create_job", json!({"channels": [{"ray_set": ray_set}]})),
         ("create_webhook", json!({"url": "https://a.example/"})),
         ("change_webhook", json!({})),
+        ("combine_models", json!({"models": [{"job": ray_set}]})),
         ("evaluate_model", json!({"view": {"angles": [[0, 0]]}})),
         // Refused, but only after its fields were read.
         ("ingest_ray_set", json!({"url": "http://127.0.0.1:1/led.dat"})),

@@ -11,6 +11,7 @@ const require = createRequire(pathToFileURL(resolve(home, "package.json")));
 const load = (name) => import(pathToFileURL(require.resolve(name)));
 const validator = require("gltf-validator");
 const { IESLoader } = await load("three/examples/jsm/loaders/IESLoader.js");
+const { GLTFLoader } = await load("three/examples/jsm/loaders/GLTFLoader.js");
 const { LoadIESData } = await load("@babylonjs/core/Lights/IES/iesLoader.js");
 
 let checked = 0;
@@ -25,11 +26,26 @@ function check(good, words) {
 
 const lit = (data) => data.length > 0 && data.every(Number.isFinite) && data.some((value) => value > 0);
 
+// What the validator says of an extension that it does not know: the name, and that it sees no use of the view with the IES file.
+const isOfLight = ({ code, pointer }) => code === "UNSUPPORTED_EXTENSION" && pointer === "/extensionsUsed/1"
+  || code === "UNUSED_OBJECT" && pointer.startsWith("/bufferViews/");
+
 async function judgeGlb(path) {
-  const { issues, info } = await validator.validateBytes(new Uint8Array(readFileSync(path)), { maxIssues: 20 });
-  issues.messages.forEach((message) => console.log(`  ${message.code} ${message.pointer}: ${message.message}`));
-  const { numErrors, numWarnings, numInfos, numHints } = issues;
-  check(numErrors + numWarnings + numInfos + numHints === 0, `${path}: ${JSON.stringify(issues)}`);
+  const bytes = new Uint8Array(readFileSync(path));
+  const { issues, info } = await validator.validateBytes(bytes, { maxIssues: 20 });
+  const messages = issues.messages.filter((message) => !isOfLight(message));
+  messages.forEach((message) => console.log(`  ${message.code} ${message.pointer}: ${message.message}`));
+  const { numErrors, numWarnings, numInfos } = issues;
+  check(messages.length === 0 && issues.messages.length <= 2, `${path}: ${JSON.stringify(issues)}`);
+  const { scene } = await new GLTFLoader().parseAsync(bytes.buffer, "");
+  const meshes = [];
+  let lights = 0;
+  scene.traverse((node) => {
+    if (node.geometry) meshes.push(node.geometry.attributes.position.count);
+    if (node.userData.gltfExtensions?.EXT_lights_ies) lights += 1;
+  });
+  check(meshes.length > 0 && meshes.every((count) => count > 0), `three.js found no surface in ${path}`);
+  check(lights === issues.messages.length / 2, `three.js found ${lights} lights in ${path}`);
   console.log(`gltf-validator: ${info.totalVertexCount} vertices, ${info.totalTriangleCount} triangles, `
     + `${numErrors} errors, ${numWarnings} warnings, ${numInfos} infos`);
 }

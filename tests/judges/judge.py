@@ -10,6 +10,7 @@ import numpy as np
 from photompy import total_optical_power
 
 import radiance
+from eulumdat_files import judge_ldt
 from result import SCHEMAS, Grid, Result, Volume, read_json
 
 FLUX_TOLERANCE = 0.005  # of foreign programs' lumens
@@ -223,12 +224,35 @@ def judge_volume(result, verdict):
     print(f"volume: {len(volume.points_mm)} nodes")
 
 
+def judge_light(result, verdict):
+    """EXT_lights_ies of Khronos: ies/total.ies within, its node turned so that -Z is gamma 0, +X is C270 and +Y is C0."""
+    gltf, path = result.surface.gltf, result.folder / "ies" / "total.ies"
+    lights = (gltf.extensions or {}).get("EXT_lights_ies", {}).get("lights", [])
+    verdict.that(len(lights) == int(path.exists()), f"{len(lights)} lights, and total.ies is {'there' if path.exists() else 'not there'}")
+    for light in lights:
+        view = gltf.bufferViews[light["bufferView"]]
+        within = result.surface.blob[view.byteOffset or 0 :][: view.byteLength]
+        verdict.that(within == path.read_bytes() and light["mimeType"] == "application/x-ies-lm-63", "the file within is total.ies")
+        (node,) = [node for node in gltf.nodes if "EXT_lights_ies" in (node.extensions or {})]
+        x, y, z, w = node.rotation
+        v = np.array([x, y, z])
+        axes = result.goniograms["frame"]["axes_in_source"]
+        for own, source, sign in (([0, 0, -1], "z", -1), ([1, 0, 0], "y", -1), ([0, 1, 0], "x", 1)):
+            turned = np.array(own) + 2 * np.cross(v, np.cross(v, own) + w * np.array(own))
+            a, b, c = sign * np.array(axes[source])
+            verdict.that(np.abs(turned - [a, c, -b]).max() < 1e-8, f"{own} of the light goes along {turned}, not along {sign} {source}")
+        place = np.array(node.translation)
+        low, high = result.surface.positions.min(axis=0), result.surface.positions.max(axis=0)
+        verdict.that(bool(np.all(place >= low - 1e-9) and np.all(place <= high + 1e-9)), "the light stands within the surface")
+    print(f"light: {len(lights)} with an IES file within")
+
+
 def main(folders):
     verdict = Verdict()
     for folder in folders:
         print(folder)
         result = Result(folder)
-        for judge in (judge_schemas, judge_sums, judge_ies, judge_model, judge_volume):
+        for judge in (judge_schemas, judge_sums, judge_ies, judge_ldt, judge_light, judge_model, judge_volume):
             judge(result, verdict)
     print(f"{verdict.checked} checks, {verdict.failed} failed")
     return 1 if verdict.failed or verdict.checked == 0 else 0

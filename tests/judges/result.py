@@ -85,7 +85,7 @@ class Surface:
         self.attributes = vars(mesh.primitives[0].attributes)
         self.extras = mesh.extras["emitter"]
         self.triangles = self.accessor(mesh.primitives[0].indices).reshape(-1, 3)
-        position = self.attribute("POSITION").astype(float)
+        self.positions = position = self.attribute("POSITION").astype(float)
         matrix = np.array(self.extras["gltf_to_source_mm"]).reshape(4, 4).T
         self.vertices_mm = position @ matrix[:3, :3].T + matrix[:3, 3]
         a, b, c = (self.vertices_mm[self.triangles[:, k]] for k in range(3))

@@ -4,6 +4,7 @@
 
 mod bad_input;
 mod channels;
+mod combination;
 mod declarations;
 mod emission;
 mod inspection;

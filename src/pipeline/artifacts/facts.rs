@@ -2,6 +2,7 @@
 
 use crate::goniogram::Goniogram;
 use crate::model::Model;
+use crate::source::Spectral;
 use crate::vocabulary::space::{Axis, Bounds, Frame};
 use crate::writing::number::sum;
 use glam::DVec3;
@@ -79,6 +80,11 @@ impl LatticeFacts {
         let (columns, rows) = (lattice.columns, lattice.rows);
         Some(LatticeFacts { columns, rows, min_mm: lattice.min_mm.map(sum), max_mm: lattice.max_mm.map(sum) })
     }
+}
+
+/// What spectral results are made from; one of [`Spectral::BASES`].
+pub fn spectral_basis(model: &Model) -> &'static str {
+    if model.spectral.has_bands() && !model.ancestors.is_empty() { Spectral::OF_MODELS } else { model.spectral.basis() }
 }
 
 /// The bands of every spectral number.

@@ -106,6 +106,7 @@ fn assemble(grid: SphereGrid, cells: &[f64]) -> Model {
     };
     Model {
         origins: vec![origin(flux)],
+        ancestors: Vec::new(),
         flux,
         spectral,
         hull,

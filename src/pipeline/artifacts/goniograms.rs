@@ -1,9 +1,9 @@
 //! `goniograms.json`: the angular half of the contract (`openapi/goniograms.schema.json`). Units are in the keys.
 
-use super::facts::{Box3, FrameFacts, LatticeFacts, QualityFacts, Spectrum};
-use super::ies;
+use super::facts::{Box3, FrameFacts, LatticeFacts, QualityFacts, Spectrum, spectral_basis};
 use super::plots::polar;
 use super::provenance::{GENERATOR, Generator, Provenance, source_name};
+use super::{ies, ldt};
 use crate::error::Error;
 use crate::goniogram::{Goniogram, SphereGrid, Zone};
 use crate::model::Model;
@@ -43,9 +43,9 @@ pub fn artifact(model: &Model, options: &RunOptions) -> Result<Artifact, Error> 
         lattice: LatticeFacts::new(model),
         grid: Grid::new(&goniograms.grid),
         spectrum: model.spectral.has_bands().then(|| Spectrum::new(model)),
-        observer: observer(&model.spectral.columns),
+        observer: if model.ancestors.is_empty() { observer(&model.spectral.columns) } else { "as the models have it" },
         zones: zone_entries(model),
-        total: Entry::new(&goniograms.total, model, Some([ies::TOTAL.to_owned(), polar::TOTAL.to_owned()])),
+        total: Entry::new(&goniograms.total, model, Some([ies::TOTAL, ldt::TOTAL, polar::TOTAL].map(str::to_owned))),
         provenance: Provenance::new(model, options),
     };
     Ok(Artifact { name: NAME.to_owned(), media_type: "application/json", bytes: json::document(&document)? })
@@ -139,7 +139,7 @@ impl SourceFacts {
             rays_dropped: ray_count.saturating_sub(used),
             flux_w: model.flux.radiant_w.map(sum),
             flux_lm: model.flux.luminous_lm.map(sum),
-            spectral_basis: model.spectral.basis(),
+            spectral_basis: spectral_basis(model),
         }
     }
 }
@@ -212,7 +212,7 @@ struct ZoneEntry<'a> {
 
 impl<'a> ZoneEntry<'a> {
     fn new(zone: &'a Zone, model: &'a Model, has_files: bool) -> ZoneEntry<'a> {
-        let files = has_files.then(|| [ies::zone_name(zone), polar::zone_name(zone)]);
+        let files = has_files.then(|| [ies::zone_name(zone), ldt::zone_name(zone), polar::zone_name(zone)]);
         ZoneEntry {
             id: zone.id,
             row: zone.place.map(|place| place.row),
@@ -276,12 +276,16 @@ struct Files {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "String")]
     ies: Option<String>,
+    /// EULUMDAT; left out likewise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "String")]
+    ldt: Option<String>,
     /// Polar chart.
     svg: String,
 }
 
 impl<'a> Entry<'a> {
-    fn new(goniogram: &'a Goniogram, model: &'a Model, files: Option<[String; 2]>) -> Entry<'a> {
+    fn new(goniogram: &'a Goniogram, model: &'a Model, files: Option<[String; 3]>) -> Entry<'a> {
         let grid = &model.goniograms.grid;
         let matrix = |values: &'a Option<Vec<f64>>| values.as_ref().map(|values| Matrix(values, grid.gamma_nodes()));
         let has_bands = model.spectral.has_bands();
@@ -291,7 +295,10 @@ impl<'a> Entry<'a> {
             flux_lm: goniogram.flux.luminous_lm.map(sum),
             max_intensity: MaxIntensity::new(goniogram, grid),
             quality: QualityFacts::new(goniogram),
-            files: files.map(|[ies, svg]| Files { ies: model.is_visible().then_some(ies), svg }),
+            files: files.map(|[ies, ldt, svg]| {
+                let if_visible = |name| model.is_visible().then_some(name);
+                Files { ies: if_visible(ies), ldt: if_visible(ldt), svg }
+            }),
             spectral_flux_w_per_nm: has_bands.then(|| Numbers(&goniogram.spectral_flux_w_per_nm, ARRAY_DIGITS)),
             luminous_intensity_cd: matrix(&goniogram.luminous_cd),
             radiant_intensity_w_per_sr: matrix(&goniogram.radiant_w_per_sr),

@@ -3,19 +3,17 @@
 //! Type C, always full: γ 0..=180, C 0..=360 with plane 360 a copy of plane 0. Absolute photometry: one lamp, -1 lumens per
 //! lamp, multipliers 1. ASCII, CR LF, one blank between numbers, ten numbers a line; every record starts a line.
 
-use super::provenance::{VERSION_DATE, generator, header_text, source_name};
-use crate::goniogram::{Goniogram, SphereGrid, Zone};
+use super::photometry::{Part, decimals, flux_of_nodes, issue_date, parts, sides_mm, whole};
+use super::provenance::{generator, header_text, input_kind, source_name};
+use crate::goniogram::Zone;
 use crate::model::Model;
 use crate::options::{IesEdition, Options as RunOptions};
 use crate::vocabulary::space::{Bounds, Frame};
 use crate::writing::Artifact;
 use crate::writing::number::{plain, text};
-use glam::DVec3;
 
 /// Longest value of a keyword: LM-63-2002 allows lines of 256 characters with CR LF, Radiance's label buffer holds as many.
 const VALUE_CHARACTERS: usize = 200;
-/// Digits of the largest candela value.
-const PEAK_DIGITS: i32 = 7;
 /// Smallest side of a luminous opening, m: a side of 0 would say "point".
 const SMALLEST_SIDE_M: f64 = 1e-6;
 
@@ -27,42 +25,34 @@ pub fn zone_name(zone: &Zone) -> String {
     format!("ies/{}.ies", zone.name())
 }
 
+/// What the format is called.
+pub const MEDIA_TYPE: &str = "application/x-ies-lm-63";
+
 /// `ies/total.ies` and one file for each zone that gets files; none where luminous intensity is unknown or the source
 /// is invisible, because LM-63 has no radiant unit.
 pub fn artifacts(model: &Model, options: &RunOptions) -> Vec<Artifact> {
-    let goniograms = &model.goniograms;
-    let count = goniograms.zones.len();
-    let whole = (TOTAL.to_owned(), "whole source".to_owned(), &goniograms.total, model.hull.bounds_mm());
-    let with_files = goniograms.zones_with_files();
-    let zones = goniograms.zones.iter().filter(|zone| with_files.contains(&zone.id)).map(|zone| {
-        let words = format!("zone {} of {count}{}", zone.id + 1, zone.position());
-        (zone_name(zone), words, &zone.goniogram, zone.bounds_mm)
-    });
-    std::iter::once(whole)
-        .chain(zones)
-        .filter_map(|(name, part, goniogram, bounds_mm)| {
-            let candela = goniogram.luminous_cd.as_ref().filter(|_| model.is_visible())?;
-            let sheet = Sheet {
-                model,
-                edition: options.artifacts.ies_edition.unwrap_or_default(),
-                part,
-                goniogram,
-                candela,
-                bounds_mm,
-            };
-            Some(Artifact { name, media_type: "application/x-ies-lm-63", bytes: sheet.lines().into_bytes() })
-        })
-        .collect()
+    let file = |part: Part<'_>| {
+        let name = format!("{}.ies", part.stem);
+        Artifact { name, media_type: MEDIA_TYPE, bytes: text_of(model, options, part) }
+    };
+    parts(model).into_iter().map(file).collect()
+}
+
+/// The bytes of `ies/total.ies`; `None` where there is no such file.
+pub fn total(model: &Model, options: &RunOptions) -> Option<Vec<u8>> {
+    Some(text_of(model, options, whole(model)?))
+}
+
+fn text_of(model: &Model, options: &RunOptions, part: Part<'_>) -> Vec<u8> {
+    let edition = options.artifacts.ies_edition.unwrap_or_default();
+    Sheet { model, edition, part }.lines().into_bytes()
 }
 
 /// What one file is made of.
 struct Sheet<'a> {
     model: &'a Model,
     edition: IesEdition,
-    part: String,
-    goniogram: &'a Goniogram,
-    candela: &'a [f64],
-    bounds_mm: Bounds,
+    part: Part<'a>,
 }
 
 impl Sheet<'_> {
@@ -75,15 +65,15 @@ impl Sheet<'_> {
             IesEdition::Lm63Of2019 => "1.00010", // computer simulation
         };
         let (planes, nodes) = (grid.c_planes(), grid.gamma_nodes());
-        let opening = opening_m(&self.bounds_mm, &self.model.goniograms.frame);
+        let opening = opening_m(&self.part.bounds_mm, &self.model.goniograms.frame);
         lines.push(format!("1 -1 1 {nodes} {} 1 2 {opening}", planes + 1));
         lines.push(format!("1 {generation} 0"));
         let angle = |degrees: &f64| plain(*degrees, 6);
         push_record(&mut lines, grid.gamma_deg().iter().map(angle));
         push_record(&mut lines, grid.c_deg().iter().chain(&[360.0]).map(angle));
-        let decimals = decimals(self.candela);
+        let decimals = decimals(self.part.candela);
         for plane in (0..planes).chain([0]) {
-            let row = self.candela.iter().skip(plane * nodes).take(nodes);
+            let row = self.part.candela.iter().skip(plane * nodes).take(nodes);
             push_record(&mut lines, row.map(|candela| format!("{candela:.decimals$}")));
         }
         lines.push(String::new());
@@ -98,23 +88,23 @@ impl Sheet<'_> {
         };
         let name = source_name(model);
         let digest = model.origins.first().map_or("", |origin| origin.sha256.as_str());
-        let own_flux = text(flux_of_nodes(self.candela, &model.goniograms.grid), 7);
+        let own_flux = text(flux_of_nodes(self.part.candela, &model.goniograms.grid), 7);
         let c90 = crate::vocabulary::space::Axis::nearest(frame.y()).name();
         let keyword = |key: &str, value: &str| format!("[{key}] {}", label(value));
         vec![
             edition.to_owned(),
-            keyword("TEST", &format!("computed from ray file sha256 {digest}")),
+            keyword("TEST", &format!("computed from {} sha256 {digest}", input_kind(model))),
             keyword("TESTLAB", &generator()),
             keyword("ISSUEDATE", &issue_date(header_text(model, "creation date"))),
             keyword("MANUFAC", header_text(model, "manufacturer").unwrap_or("unknown")),
             keyword("LUMCAT", &name),
-            keyword("LUMINAIRE", &format!("{} of {name}", self.part)),
+            keyword("LUMINAIRE", &format!("{} of {name}", self.part.words)),
             keyword(
                 "OTHER",
                 &format!("nadir=source {} C0=source {} C90=source {c90}", frame.nadir.name(), frame.c0.name()),
             ),
             keyword("OTHER", &format!("flux lm={own_flux} by node-centred cells")),
-            keyword("_RAYS", &text(self.goniogram.rays, 9)),
+            keyword("_RAYS", &text(self.part.goniogram.rays, 9)),
         ]
     }
 }
@@ -138,34 +128,10 @@ fn label(value: &str) -> String {
     kept.trim_end().to_owned()
 }
 
-/// The ray file's own date (TM-25 writes ISO 8601), else this version's.
-fn issue_date(created: Option<&str>) -> String {
-    let Some(created) = created else { return VERSION_DATE.to_owned() };
-    let day: String = created.chars().take(10).collect();
-    let is_iso = day.len() == 10
-        && day.bytes().enumerate().all(|(at, byte)| match at {
-            4 | 7 => byte == b'-',
-            _ => byte.is_ascii_digit(),
-        });
-    if is_iso { day } else { created.chars().take(40).collect() }
-}
-
 /// Width (across C0), length (along C0) and height of the luminous opening, m: a rectangle in the plane of C0 and C90.
 fn opening_m(bounds_mm: &Bounds, frame: &Frame) -> String {
-    let side = |axis: DVec3| plain((bounds_mm.size().dot(axis.abs()) * 1e-3).max(SMALLEST_SIDE_M), 9);
-    format!("{} {} 0", side(frame.y()), side(frame.x()))
-}
-
-/// Decimals that give the peak about seven digits; one count for the whole file.
-fn decimals(candela: &[f64]) -> usize {
-    let peak = candela.iter().copied().fold(0.0, f64::max);
-    if peak > 0.0 { (PEAK_DIGITS - 1 - peak.log10().floor() as i32).clamp(0, 20) as usize } else { 1 }
-}
-
-/// Flux by the rule of the cells: what a band-weighting reader finds.
-fn flux_of_nodes(candela: &[f64], grid: &SphereGrid) -> f64 {
-    let weights = grid.plane_solid_angles_sr();
-    candela.chunks(weights.len()).flat_map(|plane| plane.iter().zip(&weights)).map(|(cd, sr)| cd * sr).sum()
+    let [length, width, _] = sides_mm(bounds_mm, frame).map(|mm| plain((mm * 1e-3).max(SMALLEST_SIDE_M), 9));
+    format!("{width} {length} 0")
 }
 
 fn push_record(lines: &mut Vec<String>, numbers: impl Iterator<Item = String>) {
@@ -177,6 +143,8 @@ fn push_record(lines: &mut Vec<String>, numbers: impl Iterator<Item = String>) {
 mod tests {
     use super::*;
     use crate::artifacts::fixture;
+    use crate::goniogram::SphereGrid;
+    use glam::DVec3;
 
     /// A model whose only goniogram is `candela` over 0, 90, 180 degrees and the planes C0 and C180.
     fn tiny(candela: [f64; 6]) -> Model {
@@ -188,7 +156,9 @@ mod tests {
     }
 
     fn text_of(model: &Model, options: &RunOptions) -> String {
-        String::from_utf8(artifacts(model, options)[0].bytes.clone()).unwrap()
+        let text = artifacts(model, options)[0].bytes.clone();
+        assert_eq!(total(model, options).as_ref(), Some(&text));
+        String::from_utf8(text).unwrap()
     }
 
     #[test]
@@ -251,13 +221,6 @@ mod tests {
         assert!(text.is_ascii() && !text.replace("\r\n", "").contains(['\r', '\n']));
         assert!(lines.iter().all(|line| line.len() <= 254 && !line.ends_with(' ')), "{text}");
         assert_eq!(lines.len(), 19);
-    }
-
-    #[test]
-    fn without_a_date_of_the_file_the_version_has_one() {
-        assert_eq!(issue_date(None), VERSION_DATE);
-        assert_eq!(issue_date(Some("2016-10-13T10:00:00+02:00")), "2016-10-13");
-        assert_eq!(issue_date(Some("13 Oct 2016")), "13 Oct 2016");
     }
 
     #[test]

@@ -11,8 +11,12 @@ mod exitance;
 pub mod gltf;
 /// `goniograms.json`: the angular half of the contract.
 pub mod goniograms;
+/// What the files of photometry say alike.
+mod photometry;
 /// `ies/*.ies`: luminous intensities for lighting programs.
 pub mod ies;
+/// `ies/*.ldt`: the same as EULUMDAT.
+pub mod ldt;
 /// `spectra.csv`.
 pub mod spectra_csv;
 /// Choice of the surface and proof of the model, in the report.
@@ -50,6 +54,7 @@ pub fn write(model: &Model, options: &RunOptions, watch: StageWatch<'_>) -> Resu
     artifacts.push(goniograms::artifact(model, options)?);
     watch.step(0.5)?;
     artifacts.extend(ies::artifacts(model, options));
+    artifacts.extend(ldt::artifacts(model));
     artifacts.extend(spectra_csv::artifact(model));
     watch.step(0.6)?;
     artifacts.extend(plots::polar::artifacts(model));
@@ -75,7 +80,7 @@ pub fn notices(model: &Model) -> Notices {
     if !model.is_visible() {
         notices.add(
             "artifacts.no_ies",
-            "No IES files: the luminous intensity is unknown or 0, and LM-63 has no radiant unit. Give the source a spectrum.",
+            "No IES and EULUMDAT files: the luminous intensity is unknown or 0, and these formats have no radiant unit. Give the source a spectrum.",
         );
     }
     if !model.spectral.has_bands() {
@@ -214,6 +219,9 @@ mod tests {
             "ies/total.ies",
             "ies/zone_00_00.ies",
             "ies/zone_00_01.ies",
+            "ies/total.ldt",
+            "ies/zone_00_00.ldt",
+            "ies/zone_00_01.ldt",
             "spectra.csv",
             "plots/polar_total.svg",
             "plots/polar_zone_00_00.svg",

@@ -2,6 +2,7 @@
 
 use crate::formats::bytes::digest;
 use crate::model::Model;
+use crate::model::ancestor::Ancestor;
 use crate::model::channel::Origin;
 use crate::options::{
     ArtifactsOptions, FluxOptions, GoniogramOptions, HullOptions, Options as RunOptions, RaysOptions,
@@ -9,9 +10,11 @@ use crate::options::{
 use crate::vocabulary::declaration::{Column, FluxOverride, Total};
 use crate::vocabulary::spectrum::Table;
 use crate::vocabulary::units::{LengthUnit, Quantity};
+use crate::writing::number::sum;
 use crate::writing::schema::SHA256;
 use schemars::JsonSchema;
 use serde::Serialize;
+use serde_json::Value;
 
 /// The program's name, as artifacts say it.
 pub const NAME: &str = "Lampwright";
@@ -108,11 +111,63 @@ fn table_sha256(table: &Table) -> Option<String> {
 pub struct Provenance<'a> {
     /// Who made it.
     generator: Generator,
-    /// The ray files, in the order of the channels.
+    /// The ray files, in the order of the channels; of a combination the models, each by its emitter.glb.
     #[schemars(length(min = 1))]
     inputs: Vec<InputFile<'a>>,
     /// Every option of the run, as used.
     options: OptionsEcho<'a>,
+    /// What was changed of each model of a combination, in the order of inputs; left out where inputs are ray files.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Vec<ModelFacts>")]
+    models: Option<Vec<ModelFacts<'a>>>,
+}
+
+/// A model that another was made of without its rays, and what was changed: its light was given a spectrum, its flux was multiplied, then it
+/// was turned about the origin, then moved.
+#[derive(Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct ModelFacts<'a> {
+    /// What it is called.
+    name: &'a str,
+    /// SHA-256 of its emitter.glb.
+    #[schemars(regex(pattern = SHA256))]
+    emitter_sha256: &'a str,
+    /// SHA-256 of its goniograms.json.
+    #[schemars(regex(pattern = SHA256))]
+    goniograms_sha256: &'a str,
+    /// SHA-256 of the points of the spectrum that its light was given, as in inputs; null: it has its own.
+    #[schemars(regex(pattern = SHA256))]
+    spectrum_sha256: Option<String>,
+    /// What its flux was multiplied by.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    flux_factor: f64,
+    /// Rows of the rotation that takes its directions to those of the combination.
+    turn: [[f64; 3]; 3],
+    /// How far it was moved, mm.
+    move_mm: [f64; 3],
+    /// Where it came from itself: provenance of its goniograms.json.
+    provenance: &'a Value,
+}
+
+/// The models of a combination; `None` where a model was made of rays.
+pub fn models(model: &Model) -> Option<Vec<ModelFacts<'_>>> {
+    let facts = |ancestor| ModelFacts::new(ancestor);
+    (!model.ancestors.is_empty()).then(|| model.ancestors.iter().map(facts).collect())
+}
+
+impl<'a> ModelFacts<'a> {
+    fn new(ancestor: &'a Ancestor) -> ModelFacts<'a> {
+        ModelFacts {
+            name: &ancestor.name,
+            emitter_sha256: &ancestor.emitter_sha256,
+            goniograms_sha256: &ancestor.goniograms_sha256,
+            spectrum_sha256: ancestor.spectrum.as_ref().and_then(table_sha256),
+            flux_factor: sum(ancestor.factor),
+            turn: ancestor.turn.transpose().to_cols_array_2d().map(|row| row.map(sum)),
+            move_mm: ancestor.move_mm.to_array().map(sum),
+            provenance: &ancestor.provenance,
+        }
+    }
 }
 
 /// Every choice of the caller, with the default in the place of what was left out.
@@ -158,6 +213,7 @@ impl<'a> Provenance<'a> {
             generator: GENERATOR,
             inputs: model.origins.iter().map(input_file).collect(),
             options: OptionsEcho::new(options),
+            models: models(model),
         }
     }
 }
@@ -172,6 +228,11 @@ fn input_file(origin: &Origin) -> InputFile<'_> {
         rays_used: origin.rays_used,
         declared: DeclaredFacts::new(origin),
     }
+}
+
+/// What the files are that a model was made of.
+pub fn input_kind(model: &Model) -> &'static str {
+    if model.ancestors.is_empty() { "ray file" } else { "emitter.glb" }
 }
 
 /// The source's name: its files' names, joined.

@@ -2,17 +2,19 @@
 
 use super::provenance::{generator, source_name};
 use crate::model::Model;
+use crate::model::ancestor::Ancestor;
 use crate::model::study::Study;
 use crate::vocabulary::notice::Notice;
 use crate::vocabulary::space::Axis;
 use crate::writing::Artifact;
-use crate::writing::number::text;
+use crate::writing::number::{sum, text};
+use glam::{DMat3, DQuat, DVec3};
 
 /// What each file is, by the beginning of its name.
 const MEANINGS: [(&str, &str); 10] = [
     ("emitter.glb", "the surface: glTF 2.0 binary, metres, Y up; flux, spectra and zone of every vertex"),
     ("goniograms.json", "the angles: intensity of every zone and of the whole source, with spectra"),
-    ("ies/", "the same luminous intensities as IES LM-63, one file for each zone and one for the whole"),
+    ("ies/", "the same luminous intensities as IES LM-63 and EULUMDAT, a file for each zone and one for the whole"),
     ("spectra.csv", "spectral flux of the whole source and of each zone, W/nm"),
     ("plots/polar", "polar curves"),
     ("plots/zones", "where the zones lie"),
@@ -45,6 +47,27 @@ fn proof(study: &Study) -> Vec<String> {
         lines.push(String::new());
     }
     lines
+}
+
+/// The models of a combination, and what was changed of each.
+fn models(model: &Model) -> Vec<String> {
+    let triple = |vector: DVec3| vector.to_array().map(|part| text(sum(part), 6)).join(", ");
+    let change = |(at, ancestor): (usize, &Ancestor)| {
+        let mut words = vec![format!("flux times {}", text(ancestor.factor, 6))];
+        if ancestor.spectrum.is_some() {
+            words.insert(0, "given a spectrum".to_owned());
+        }
+        let (axis, angle) = DQuat::from_mat3(&ancestor.turn).to_axis_angle();
+        if ancestor.turn != DMat3::IDENTITY {
+            words.push(format!("turned by {} degrees about ({})", text(angle.to_degrees(), 6), triple(axis)));
+        }
+        if ancestor.move_mm != DVec3::ZERO {
+            words.push(format!("moved by ({}) mm", triple(ancestor.move_mm)));
+        }
+        let heading = if at == 0 { "Models   " } else { "         " };
+        format!("{heading}{}: {}", crate::writing::svg::one_line(&ancestor.name, 100), words.join(", "))
+    };
+    model.ancestors.iter().enumerate().map(change).collect()
 }
 
 /// The page; `notices` are those of writing the other artifacts, `names` are all other files of the zip.
@@ -86,6 +109,7 @@ pub fn artifact(model: &Model, notices: &[Notice], names: &[&str]) -> Artifact {
         "    L = M(x, lambda) q(w; x, lambda) / |cos theta|".to_owned(),
         "M is the interpolated exitance (emitter.glb), q the zone's normalised goniogram (goniograms.json).".to_owned(),
     ];
+    lines.splice(3..3, models(model));
     if let Some(volume) = &model.volume {
         lines.extend([
             format!(

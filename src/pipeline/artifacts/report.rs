@@ -2,7 +2,7 @@
 
 use super::facts::{Box3, FrameFacts, LatticeFacts, QualityFacts};
 use super::proof::{EmissionFacts, QualityOfModel};
-use super::provenance::{DeclaredFacts, GENERATOR, Generator, OptionsEcho};
+use super::provenance::{DeclaredFacts, GENERATOR, Generator, ModelFacts, OptionsEcho, models};
 use crate::error::Error;
 use crate::flux::Balance;
 use crate::flux::balance::Share;
@@ -37,6 +37,7 @@ pub fn artifact(model: &Model, options: &RunOptions, notices: &[Notice]) -> Resu
         generator: GENERATOR,
         inputs: model.origins.iter().map(|origin| InputFacts::new(origin, &model.flux)).collect(),
         options: OptionsEcho::new(options),
+        models: models(model),
         flux: FluxFacts::new(&model.flux),
         balance: BalanceFacts::new(&model.surface.balance, model.volume.as_ref()),
         hull: HullFacts::new(model),
@@ -58,11 +59,15 @@ pub(super) struct Report<'a> {
     schema: &'static str,
     /// Who made it.
     generator: Generator,
-    /// What was read: one entry per channel.
+    /// What was read: one entry per channel; of a combination one per model, whose sha256 and byte_count are those of its emitter.glb.
     #[schemars(length(min = 1))]
     inputs: Vec<InputFacts<'a>>,
     /// Every option of the run; null: chosen by the program, and the choice is below.
     options: OptionsEcho<'a>,
+    /// What was changed of each model of a combination, in the order of inputs; left out where inputs are ray files.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Vec<ModelFacts>")]
+    models: Option<Vec<ModelFacts<'a>>>,
     /// Flux of the usable rays.
     flux: FluxFacts,
     /// Where every ray and every watt went.
@@ -436,7 +441,7 @@ impl<'a> SpectrumFacts<'a> {
         let inside: f64 = total.spectral_flux_w_per_nm.iter().zip(bands.widths_nm()).map(|(w, nm)| w * nm).sum();
         let outside = total.flux.radiant_w.filter(|flux| *flux > 0.0).map(|flux| (1.0 - inside / flux).clamp(0.0, 1.0));
         SpectrumFacts {
-            basis: model.spectral.basis(),
+            basis: super::facts::spectral_basis(model),
             band_edges_nm: model.spectral.has_bands().then(|| Numbers(bands.edges_nm(), ARRAY_DIGITS)),
             // What is below 1e-9 is rounding.
             outside_share: outside.filter(|_| model.spectral.has_bands()).map(|share| (share * 1e9).round() / 1e9),

@@ -104,6 +104,16 @@ impl SphereGrid {
         }
     }
 
+    /// A node of a cell, index into `[c][gamma]` values: that of C = 0 of a cap.
+    pub fn node_of_cell(&self, cell: usize) -> usize {
+        let last = self.gamma.len() - 1;
+        match cell {
+            0 => 0,
+            cell if cell + 1 == self.cell_count() => last,
+            cell => (cell - 1) % self.c_count * self.gamma.len() + 1 + (cell - 1) / self.c_count,
+        }
+    }
+
     /// Exact solid angle of each cell, sr; they sum to 4π.
     pub fn cell_solid_angles_sr(&self) -> Vec<f64> {
         let per_plane = self.plane_solid_angles_sr();
@@ -302,6 +312,14 @@ mod tests {
         assert!(before > 0.01 && after < 0.3 * before, "{before:.4}, {after:.4}");
         let [sum, kept]: [f64; 2] = [&flux, &sharpened].map(|flux| flux.iter().sum());
         assert!((kept / sum - 1.0).abs() < 1e-12 && sharpened.iter().all(|flux| *flux >= 0.0), "{kept} of {sum}");
+    }
+
+    #[test]
+    fn every_cell_has_its_node() {
+        let grid = SphereGrid::new(5, 4);
+        let cells: Vec<f64> = (0..grid.cell_count()).map(|cell| cell as f64).collect();
+        let nodes = grid.nodes_from_cells(&cells);
+        assert!((0..grid.cell_count()).all(|cell| nodes[grid.node_of_cell(cell)] == cells[cell]));
     }
 
     #[test]

@@ -29,6 +29,8 @@ mod vertices;
 mod disjoint_sets;
 /// Vertices, triangles, areas, normals.
 pub mod mesh;
+/// A surface whose vertices and triangles are given.
+mod given;
 /// From quads to triangles.
 mod triangles;
 /// Faces: the hull cut along its creases.

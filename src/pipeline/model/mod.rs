@@ -16,6 +16,8 @@ pub mod wavelengths;
 pub mod study;
 /// What the report tells of each channel of the source.
 pub mod channel;
+/// A model that another was made of.
+pub mod ancestor;
 
 use crate::error::Error;
 use crate::flux::project::Landing;
@@ -30,6 +32,7 @@ use crate::vocabulary::notice::Notice;
 use crate::vocabulary::units::Flux;
 use crate::vocabulary::watch::{Stage, StageWatch};
 use crate::volume::{self, Volume};
+use ancestor::Ancestor;
 use channel::Origin;
 use study::Study;
 
@@ -38,6 +41,8 @@ use study::Study;
 pub struct Model {
     /// Where it came from.
     pub origins: Vec<Origin>,
+    /// The models that it was made of, one for each of `origins`; none where these are ray files.
+    pub ancestors: Vec<Ancestor>,
     /// Total flux of the rays.
     pub flux: Flux,
     /// Its spectral side.
@@ -104,6 +109,7 @@ impl Model {
         watch(Stage::Model)?.step(1.0)?;
         Ok(Model {
             origins,
+            ancestors: Vec::new(),
             flux: cloud.flux(),
             spectral: cloud.spectral().clone(),
             hull,

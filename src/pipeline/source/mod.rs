@@ -135,8 +135,11 @@ impl Spectral {
         }
     }
 
-    /// All that [`Spectral::basis`] may say.
-    pub const BASES: [&str; 4] = ["per-ray wavelength", "spectral tables", "tristimulus of the rays", "none"];
+    /// Spectral results are the bands of models that a model was made of.
+    pub const OF_MODELS: &str = "bands of the models";
+    /// All that [`Spectral::basis`] may say, and [`Spectral::OF_MODELS`].
+    pub const BASES: [&str; 5] =
+        ["per-ray wavelength", "spectral tables", "tristimulus of the rays", "none", Spectral::OF_MODELS];
 
     /// What spectral results are made from; `spectral_basis` of the goniograms.
     pub fn basis(&self) -> &'static str {

@@ -40,6 +40,8 @@ pub mod artifacts;
 pub mod rays;
 /// Evaluations of the models of jobs.
 pub mod evaluations;
+/// Models of jobs combined.
+mod combinations;
 /// Webhooks.
 pub mod webhooks;
 /// Deliveries of webhooks.
@@ -149,6 +151,7 @@ fn routes() -> OpenApiRouter<Api> {
         .routes(needs(JobsRead, routes!(artifacts::download_zip)))
         .routes(needs(JobsRead, routes!(rays::draw)))
         .routes(needs(JobsRead, routes!(evaluations::evaluate)))
+        .routes(needs(JobsRead, routes!(combinations::combine)))
         .routes(needs(WebhooksRead, routes!(webhooks::list)))
         .routes(needs(WebhooksRead, routes!(webhooks::get)))
         .routes(needs(WebhooksRead, routes!(deliveries::list)));

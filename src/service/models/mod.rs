@@ -1,7 +1,10 @@
-//! Models of jobs, read back from their stored files and kept for the next request; the new rays that are drawn from them, and evaluations.
+//! Models of jobs, read back from their stored files and kept for the next request; the new rays that are drawn from them, evaluations, and
+//! combinations.
 
 /// Places, and tenants' shares of them.
 mod places;
+/// Models changed, and several as one.
+pub mod combination;
 
 use crate::jobs::query::StoredArtifact;
 use crate::priority::compute;
@@ -127,12 +130,7 @@ impl Models {
         let (model, place) = self.model(blobs, files, place).await?;
         let gone = CancellationToken::new();
         let _here = gone.clone().drop_guard();
-        let watch = Evaluating {
-            stopping: self.stopping.clone(),
-            gone,
-            end: Instant::now() + LONGEST,
-            is_late: AtomicBool::new(false),
-        };
+        let watch = self.watch(gone);
         let work = move || {
             let _place = place;
             let evaluated = pipeline::evaluate(&model, &request, form, &watch);
@@ -160,30 +158,25 @@ impl Models {
         if let Some(model) = self.find(&digests) {
             return Ok((model, place));
         }
-        let mut bytes = Vec::with_capacity(2);
-        for file in files {
-            pipeline::check_model_size(&file.name, file.byte_count)?;
-            let read = blobs.read(&file.blob, 0..file.byte_count).await;
-            bytes.push(read.map_err(|error| Error::Unreadable(io::Error::other(error)))?);
-        }
+        let bytes = [file(blobs, &files[0]).await?, file(blobs, &files[1]).await?];
         let byte_count = files.iter().map(|file| file.byte_count).sum();
         let models = self.clone();
         // Place and turn go with the work, which goes on, and keeps the model, when the client has left.
-        let read = move || match bytes.as_slice() {
-            [emitter, goniograms] => {
-                let _turn = turn;
-                let model =
-                    pipeline::read_model(emitter, goniograms, &Limits::default()).map_err(|error| match error {
-                        Error::Malformed(found) => Error::Internal(format!("a stored model cannot be read: {found:?}")),
-                        other => other,
-                    })?;
-                let model = Arc::new(model);
-                models.keep(Kept { digests, byte_count, model: Arc::clone(&model) });
-                Ok((model, place))
-            }
-            _ => Err(Error::Internal("a model has two files".to_owned())),
+        let read = move || {
+            let _turn = turn;
+            let [emitter, goniograms] = &bytes;
+            let model = pipeline::read_model(emitter, goniograms, &Limits::default()).map_err(of_stored)?;
+            let model = Arc::new(model);
+            models.keep(Kept { digests, byte_count, model: Arc::clone(&model) });
+            Ok((model, place))
         };
         compute("model", read).await.map_err(Error::from)?
+    }
+
+    /// Who watches what a client waits for: it ends when the service stops, when `gone` says that the client left, and when it takes too long.
+    fn watch(&self, gone: CancellationToken) -> Evaluating {
+        let (stopping, end) = (self.stopping.clone(), Instant::now() + LONGEST);
+        Evaluating { stopping, gone, end, is_late: AtomicBool::new(false) }
     }
 
     /// Waits until nobody reads the model of these files.
@@ -214,6 +207,21 @@ impl Models {
         while kept.len() > KEPT || kept.iter().map(|kept| kept.byte_count).sum::<u64>() > KEPT_BYTES {
             kept.remove(0);
         }
+    }
+}
+
+/// The bytes of a file of a model.
+async fn file(blobs: &Blobs, file: &StoredArtifact) -> Result<Vec<u8>, Error> {
+    pipeline::check_model_size(&file.name, file.byte_count)?;
+    let read = blobs.read(&file.blob, 0..file.byte_count).await;
+    Ok(read.map_err(|error| Error::Unreadable(io::Error::other(error)))?.to_vec())
+}
+
+/// A file that this service wrote and cannot read is its own fault.
+fn of_stored(error: Error) -> Error {
+    match error {
+        Error::Malformed(found) => Error::Internal(format!("a stored model cannot be read: {found:?}")),
+        other => other,
     }
 }
 

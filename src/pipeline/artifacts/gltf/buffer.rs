@@ -80,8 +80,17 @@ impl Buffer {
             .collect()
     }
 
+    /// A file as it is; what follows begins at a multiple of four. Answers the view.
+    pub(super) fn file(&mut self, bytes: &[u8]) -> usize {
+        let byte_offset = self.bytes.len();
+        self.bytes.extend(bytes);
+        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+        self.views.push(View { buffer: 0, byte_offset, byte_length: bytes.len(), byte_stride: None, target: None });
+        self.views.len() - 1
+    }
+
     fn view(&mut self, start: usize, target: u32, byte_stride: Option<usize>) -> usize {
-        let byte_length = self.bytes.len() - start;
+        let (byte_length, target) = (self.bytes.len() - start, Some(target));
         self.views.push(View { buffer: 0, byte_offset: start, byte_length, byte_stride, target });
         self.views.len() - 1
     }

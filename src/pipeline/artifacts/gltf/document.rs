@@ -8,10 +8,12 @@ use std::collections::BTreeMap;
 #[serde(rename_all = "camelCase")]
 pub(super) struct Document<'a> {
     pub(super) asset: Asset,
-    pub(super) extensions_used: [&'static str; 1],
+    pub(super) extensions_used: Vec<&'static str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) extensions: Option<RootExtensions>,
     pub(super) scene: usize,
     pub(super) scenes: [Scene; 1],
-    pub(super) nodes: [Node; 1],
+    pub(super) nodes: Vec<Node>,
     pub(super) materials: [Material; 1],
     pub(super) meshes: [Mesh<'a>; 1],
     pub(super) buffers: [BufferEntry; 1],
@@ -28,13 +30,54 @@ pub(super) struct Asset {
 #[derive(Serialize)]
 pub(super) struct Scene {
     pub(super) name: &'static str,
-    pub(super) nodes: [usize; 1],
+    pub(super) nodes: Vec<usize>,
+}
+
+#[derive(Default, Serialize)]
+pub(super) struct Node {
+    pub(super) name: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) mesh: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) rotation: Option<[f64; 4]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) translation: Option<[f64; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) extensions: Option<NodeExtensions>,
+}
+
+/// The name of the extension for lights with IES files.
+pub(super) const LIGHTS_IES: &str = "EXT_lights_ies";
+
+#[derive(Serialize)]
+pub(super) struct RootExtensions {
+    #[serde(rename = "EXT_lights_ies")]
+    pub(super) lights_ies: Lights,
 }
 
 #[derive(Serialize)]
-pub(super) struct Node {
+pub(super) struct Lights {
+    pub(super) lights: [Light; 1],
+}
+
+/// An IES file within this one.
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Light {
     pub(super) name: &'static str,
-    pub(super) mesh: usize,
+    pub(super) buffer_view: usize,
+    pub(super) mime_type: &'static str,
+}
+
+#[derive(Serialize)]
+pub(super) struct NodeExtensions {
+    #[serde(rename = "EXT_lights_ies")]
+    pub(super) lights_ies: LightOfNode,
+}
+
+#[derive(Serialize)]
+pub(super) struct LightOfNode {
+    pub(super) light: usize,
 }
 
 #[derive(Serialize)]
@@ -107,7 +150,8 @@ pub(super) struct View {
     pub(super) byte_length: usize,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) byte_stride: Option<usize>,
-    pub(super) target: u32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) target: Option<u32>,
 }
 
 #[derive(Serialize)]

@@ -3,12 +3,16 @@
 //! glTF 2.0 binary. Metres, Y up: (x, z, -y)/1000 is a rotation, so winding and normals keep. Spectra are `_SPECTRUM_nnn`
 //! attributes, band-major in one view; attributes are named, never numbered, because accessor indices do not survive a re-save.
 
+/// The axes of glTF.
+mod axes;
 /// The binary chunk.
 mod buffer;
 /// The JSON chunk.
 mod document;
 /// What the attributes mean: `meshes[0].extras.emitter`.
 pub mod emitter;
+/// The far field as a point light: `EXT_lights_ies`.
+mod point_light;
 
 use super::exitance::{Colors, colors, colors_of};
 use super::provenance;
@@ -20,10 +24,12 @@ use crate::source::Columns;
 use crate::volume::Volume;
 use crate::writing::Artifact;
 use crate::writing::json::unwritten;
+use axes::gltf_from_source;
 use buffer::Buffer;
-use document::{Asset, BufferEntry, Document, Extras, Material, Mesh, Node, Primitive, Scene};
+use document::{Asset, BufferEntry, Document, Extras, LIGHTS_IES, Material, Mesh, Node, Primitive, Scene};
 use emitter::Emitter;
 use glam::DVec3;
+use point_light::PointLight;
 use std::collections::BTreeMap;
 
 /// Name in the zip.
@@ -49,12 +55,19 @@ pub fn artifact(model: &Model, options: &RunOptions) -> Result<Artifact, Error> 
         material: 0,
         mode: POINTS,
     });
+    let light = PointLight::of(model, options, &mut buffer);
+    let surface_node = Node { name: "emitter", mesh: Some(0), ..Node::default() };
+    let (extensions, light_node) = light.map(|light| (light.extensions, light.node)).unzip();
+    let nodes: Vec<Node> = std::iter::once(surface_node).chain(light_node).collect();
     let document = Document {
         asset: Asset { version: "2.0", generator: provenance::generator() },
-        extensions_used: ["KHR_materials_unlit"],
+        extensions_used: std::iter::once("KHR_materials_unlit")
+            .chain(extensions.as_ref().map(|_| LIGHTS_IES))
+            .collect(),
+        extensions,
         scene: 0,
-        scenes: [Scene { name: "emitter", nodes: [0] }],
-        nodes: [Node { name: "emitter", mesh: 0 }],
+        scenes: [Scene { name: "emitter", nodes: (0..nodes.len()).collect() }],
+        nodes,
         materials: [Material::default()],
         meshes: [Mesh {
             name: "emitter",
@@ -67,11 +80,6 @@ pub fn artifact(model: &Model, options: &RunOptions) -> Result<Artifact, Error> 
     };
     let json = serde_json::to_vec(&document).map_err(unwritten)?;
     Ok(Artifact { name: NAME.to_owned(), media_type: "model/gltf-binary", bytes: container(json, buffer.bytes)? })
-}
-
-/// glTF metres, Y up, of source millimetres.
-pub fn gltf_from_source(vector: DVec3) -> DVec3 {
-    DVec3::new(vector.x, vector.z, -vector.y)
 }
 
 /// Attributes by name, each the index of its accessor.
@@ -226,7 +234,7 @@ mod tests {
         let weights: Vec<f32> = quadruples(&file, "_ZONE_WEIGHTS").concat();
         assert_eq!(weights, as_f32(&mixtures.iter().flat_map(|mixture| mixture.weights).collect::<Vec<f64>>()));
         assert!(primitive.material().double_sided());
-        assert!(file.extensions_used().eq(["KHR_materials_unlit"]));
+        assert!(file.extensions_used().eq(["KHR_materials_unlit", "EXT_lights_ies"]));
         let scale = emitter["vertex_spectra"]["scale"].as_f64().unwrap();
         for band in 0..3 {
             let attribute = scalars(&file, &emitter::spectrum_attribute(band)).unwrap();

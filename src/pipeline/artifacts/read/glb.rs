@@ -157,6 +157,11 @@ fn chunk(bytes: &[u8], at: usize) -> Option<([u8; 4], &[u8])> {
     Some((kind, bytes.get(at + CHUNK..(at + CHUNK).checked_add(length)?)?))
 }
 
+/// The JSON of a file; `None` where there is none.
+pub fn json_chunk(bytes: &[u8]) -> Option<&[u8]> {
+    chunk(bytes, HEADER).filter(|(kind, _)| kind == b"JSON").map(|(_, json)| json)
+}
+
 impl<'a> Glb<'a> {
     /// Takes a file apart.
     ///
@@ -169,7 +174,7 @@ impl<'a> Glb<'a> {
         if word(bytes, 8).map(|length| length as usize) != Some(bytes.len()) {
             return Err(not_glb("it does not have the length that it announces"));
         }
-        let Some((_, json)) = chunk(bytes, HEADER).filter(|(kind, _)| kind == b"JSON") else {
+        let Some(json) = json_chunk(bytes) else {
             return Err(not_glb("its first chunk is not JSON"));
         };
         let binary = chunk(bytes, HEADER + CHUNK + json.len()).filter(|(kind, _)| kind == b"BIN\0");

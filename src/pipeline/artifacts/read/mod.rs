@@ -7,6 +7,8 @@ mod glb;
 mod places;
 /// Frame, grids and intensities.
 mod angles;
+/// What else the files tell.
+pub mod details;
 #[cfg(test)]
 mod tests;
 
@@ -43,17 +45,17 @@ const VISIBLE_NM: [f64; 2] = [380.0, 780.0];
 pub struct StoredModel {
     /// What the source is called.
     pub name: String,
-    vertices_mm: Vec<DVec3>,
-    triangles: Vec<[u32; 3]>,
-    vertices: Amounts,
-    mixtures: Vec<Mixture>,
-    frame: Frame,
-    grid: SphereGrid,
-    spectral_grid: SphereGrid,
-    zones: Vec<Goniogram>,
-    total: Goniogram,
-    volume: Option<Volume>,
-    spectral: Spectral,
+    pub(crate) vertices_mm: Vec<DVec3>,
+    pub(crate) triangles: Vec<[u32; 3]>,
+    pub(crate) vertices: Amounts,
+    pub(crate) mixtures: Vec<Mixture>,
+    pub(crate) frame: Frame,
+    pub(crate) grid: SphereGrid,
+    pub(crate) spectral_grid: SphereGrid,
+    pub(crate) zones: Vec<Goniogram>,
+    pub(crate) total: Goniogram,
+    pub(crate) volume: Option<Volume>,
+    pub(crate) spectral: Spectral,
 }
 
 impl<'a> From<&'a StoredModel> for Light<'a> {

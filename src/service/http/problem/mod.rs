@@ -4,6 +4,8 @@
 mod uploads;
 /// Problems of outbound requests.
 mod elsewhere;
+/// Problems of what is made of a model.
+mod models;
 /// Problems of headers that are not supported.
 mod headers;
 /// Problems by their cause: a store, a file or the service itself.
@@ -303,15 +305,6 @@ impl Problem {
         let detail = "The service is processing as many requests of this kind as it can.";
         Problem::new(StatusCode::SERVICE_UNAVAILABLE, "service.busy", "The service is busy", detail)
             .remedy("Try again after the time in Retry-After.")
-    }
-
-    /// An evaluation takes longer than an answer may.
-    pub fn evaluation_too_long() -> Problem {
-        let (status, title) = (StatusCode::UNPROCESSABLE_ENTITY, "The evaluation takes too long");
-        let detail = "The evaluation was not done after 20 s, which is as long as an answer may take.";
-        Problem::new(status, "evaluation.too_long", title, detail).remedy(
-            "Ask for fewer cells, fewer samples or a larger tolerance, or evaluate the model with the command lampwright evaluate.",
-        )
     }
 
     /// The service is stopping.

@@ -1,0 +1,23 @@
+//! Problems of what is made of a model while a client waits.
+
+use super::Problem;
+use axum::http::StatusCode;
+
+impl Problem {
+    /// An evaluation takes longer than an answer may.
+    pub fn evaluation_too_long() -> Problem {
+        let (status, title) = (StatusCode::UNPROCESSABLE_ENTITY, "The evaluation takes too long");
+        let detail = "The evaluation was not done after 20 s, which is as long as an answer may take.";
+        Problem::new(status, "evaluation.too_long", title, detail).remedy(
+            "Ask for fewer cells, fewer samples or a larger tolerance, or evaluate the model with the command lampwright evaluate.",
+        )
+    }
+
+    /// A combination takes longer than an answer may.
+    pub fn combination_too_long() -> Problem {
+        let (status, title) = (StatusCode::UNPROCESSABLE_ENTITY, "The combination takes too long");
+        let detail = "The models were not combined after 20 s, which is as long as an answer may take.";
+        Problem::new(status, "combination.too_long", title, detail)
+            .remedy("Combine fewer models, or use the command lampwright combine.")
+    }
+}
