@@ -5,8 +5,8 @@ mod command;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use command::{
-    Failure, backup, build, convert, environment, evaluate, health, inspect, keys, openapi, rays, sample, serve,
-    tenants,
+    Failure, adapter, backup, build, convert, environment, evaluate, health, inspect, keys, openapi, rays, sample,
+    serve, tenants,
 };
 use std::process::ExitCode;
 
@@ -36,6 +36,8 @@ enum Verb {
     Rays(rays::Arguments),
     /// Evaluate a model: intensity, irradiance on a plane, luminance as a camera sees it; as numbers or as a picture.
     Evaluate(evaluate::Arguments),
+    /// Write a model as Blender, Mitsuba 3 or Radiance opens it: a folder of files for scenes of your own.
+    Adapter(adapter::Arguments),
     /// Write a known source as an IES TM-25 ray file.
     Sample(sample::Arguments),
     /// Create, list, rotate and revoke the keys of a service.
@@ -66,6 +68,7 @@ fn main() -> ExitCode {
         Verb::Convert(arguments) => convert::run(&arguments),
         Verb::Rays(arguments) => rays::run(&arguments),
         Verb::Evaluate(arguments) => evaluate::run(&arguments),
+        Verb::Adapter(arguments) => adapter::run(&arguments),
         Verb::Sample(arguments) => sample::run(&arguments),
         Verb::Keys(arguments) => keys::run(arguments),
         Verb::Tenants(arguments) => tenants::run(arguments),

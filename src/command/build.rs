@@ -63,8 +63,11 @@ fn names(inputs: &[Input]) -> String {
     inputs.iter().map(|input| input.name.as_str()).collect::<Vec<_>>().join(" + ")
 }
 
-/// An earlier model in the same folder would leave zones behind that the new one does not have.
-fn make_empty(folder: &Path) -> Result<(), Failure> {
+/// Makes the folder for results. An earlier model in the same folder would leave zones behind that the new one does not have.
+///
+/// # Errors
+/// The folder is not empty, or the disk refuses an operation.
+pub fn make_empty(folder: &Path) -> Result<(), Failure> {
     let disk = |error: std::io::Error| Failure::disk(folder, &error);
     fs::create_dir_all(folder).map_err(disk)?;
     if fs::read_dir(folder).map_err(disk)?.next().is_some() {

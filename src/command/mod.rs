@@ -23,6 +23,8 @@ pub mod convert;
 pub mod rays;
 /// `evaluate`: intensity, irradiance, luminance of a model.
 pub mod evaluate;
+/// `adapter`: a model as a renderer opens it.
+pub mod adapter;
 /// `sample`: known sources as ray files.
 pub mod sample;
 /// `openapi`: the contract.

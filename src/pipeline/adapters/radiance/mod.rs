@@ -1,0 +1,162 @@
+//! Radiance: what illuminates, and what is seen. Its rays find light by going to each of its sources, so the surface is also written as
+//! about a thousand small spheres that are not seen (`light.rad`), and as triangles that are seen, let light pass and give none (`seen.rad`).
+//! Both take their distribution over angles from one data file, `lampwright.dat`, by the number of the zone.
+
+/// The surface as small sources.
+mod sources;
+
+use super::colour::RADIANCE;
+use super::surface::Surface;
+use crate::writing::Artifact;
+use crate::writing::number::rounded;
+use glam::DVec3;
+use sources::{Source, shares_of, sources};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write;
+
+/// Lumens of a W of white light, as Radiance has it.
+const RADIANCE_LM_PER_W: f64 = 179.0;
+/// Light sources that are aimed at.
+const SOURCES: usize = 1024;
+/// Levels of a colour within a factor of e: materials differ by half a percent.
+const LEVELS: f64 = 200.0;
+/// Part of a seen triangle that glows, the rest lets light pass; its radiance is larger by as much (`lampwright.cal` has the same number).
+const GLOWING: f64 = 1e-4;
+/// Part of a triangle's light below which a zone is not drawn for it.
+const LEAST: f64 = 1e-3;
+/// Distance of the layers of a triangle, in edges; Radiance cannot tell distances below 10⁻⁶ apart.
+const LAYER: f64 = 1e-3;
+const SMALLEST_LAYER_MM: f64 = 1e-5;
+
+/// The folder's files.
+pub fn files(surface: &Surface<'_>, name: &str) -> Vec<Artifact> {
+    let rgb = scaled(surface);
+    let light = sources(surface, &rgb, SOURCES);
+    let text =
+        |name: &str, text: String| Artifact { name: name.to_owned(), media_type: "text/plain", bytes: text.into() };
+    let reach_mm = light.iter().map(|source| source.reach_mm).fold(0.0, f64::max);
+    let readme = include_str!("README.txt").replace("{name}", name).replace("{sources}", &light.len().to_string());
+    let readme = readme.replace("{near}", &number(4.0 * reach_mm)).replace("{unit}", surface.unit());
+    let factor = if surface.unit() == "cd/m2" { "179 " } else { "" };
+    vec![
+        text("README.txt", readme.replace("{factor}", factor)),
+        text("light.rad", illuminating(&light)),
+        text("seen.rad", seen(surface, &rgb)),
+        text("lampwright.cal", functions(surface)),
+        text("lampwright.dat", data(surface)),
+    ]
+}
+
+/// Exitance of the vertices in red, green and blue of Radiance, W/m²: it has 179 lm for each W of white light.
+fn scaled(surface: &Surface<'_>) -> Vec<[f64; 3]> {
+    let factor = if surface.unit() == "cd/m2" { RADIANCE_LM_PER_W.recip() } else { 1.0 };
+    surface.rgb(&RADIANCE).into_iter().map(|rgb| rgb.map(|part| factor * part)).collect()
+}
+
+/// A number that every version reads.
+fn number(value: f64) -> String {
+    format!("{:e}", rounded(value, 7))
+}
+
+fn numbers(values: impl IntoIterator<Item = f64>) -> String {
+    values.into_iter().map(number).collect::<Vec<String>>().join(" ")
+}
+
+/// A pattern that takes the distribution of a zone: `lw_even` as it is, `lw_seen` over the cosine.
+fn pattern(id: &str, function: &str, zone: usize) -> String {
+    format!("void brightdata {id}\n6 {function} lampwright.dat lampwright.cal lw_zone lw_plane lw_gamma\n0\n1 {zone}\n")
+}
+
+/// Spheres of radiance I / (π r²).
+fn illuminating(sources: &[Source]) -> String {
+    let mut text =
+        String::from("# Light of a Lampwright model: small spheres that give light and are not seen. Lengths in mm.\n");
+    let mut last = None;
+    for (at, Source { zone, middle_mm, radius_mm, flux, .. }) in sources.iter().enumerate() {
+        if last != Some(*zone) {
+            text += &pattern(&format!("lw_q{zone}"), "lw_even", *zone);
+            last = Some(*zone);
+        }
+        let section_mm2 = std::f64::consts::PI * radius_mm * radius_mm;
+        let radiance = numbers(flux.map(|flux| flux / section_mm2));
+        let place = numbers(middle_mm.to_array().into_iter().chain([*radius_mm]));
+        let _ =
+            write!(text, "lw_q{zone} illum lw_i{at}\n0\n0\n3 {radiance}\nlw_i{at} sphere lw_s{at}\n0\n0\n4 {place}\n");
+    }
+    text
+}
+
+/// What a seen triangle looks like: its zone, and the levels of its colour.
+type Look = (usize, [i32; 3]);
+
+/// Triangles, one a zone that it has light of, each a little above the last.
+fn layers(surface: &Surface<'_>, rgb: &[[f64; 3]]) -> Vec<(Look, [DVec3; 3])> {
+    let mesh = surface.light.mesh;
+    let level = |part: f64| if part > 0.0 { (part.ln() * LEVELS).round() as i32 } else { i32::MIN };
+    let mut layers = Vec::new();
+    for triangle in 0..mesh.triangles.len() {
+        let shares = shares_of(surface, rgb, triangle);
+        let all: f64 = shares.iter().map(|(_, flux)| flux.iter().sum::<f64>()).sum();
+        let kept: Vec<_> = shares.iter().filter(|(_, flux)| flux.iter().sum::<f64>() > LEAST * all).collect();
+        let whole: f64 = kept.iter().map(|(_, flux)| flux.iter().sum::<f64>()).sum();
+        let (area_mm2, normal) = (mesh.area_mm2(triangle), mesh.normal(triangle));
+        let layer_mm = (LAYER * area_mm2.sqrt()).max(SMALLEST_LAYER_MM);
+        for (height, (zone, flux)) in kept.into_iter().enumerate() {
+            let look = (*zone, flux.map(|flux| level(flux / area_mm2 * all / whole)));
+            let up = layer_mm * height as f64 * normal;
+            layers.push((look, mesh.corners_mm(triangle).map(|corner| corner + up)));
+        }
+    }
+    layers
+}
+
+/// The layers with their materials; those that differ by less than half a percent are one.
+fn seen(surface: &Surface<'_>, rgb: &[[f64; 3]]) -> String {
+    let value = |level: i32| if level > i32::MIN { (f64::from(level) / LEVELS).exp() } else { 0.0 };
+    let layers = layers(surface, rgb);
+    let looks: BTreeSet<Look> = layers.iter().map(|(look, _)| *look).collect();
+    let mut text =
+        String::from("# Surface of a Lampwright model: it is seen, lets light pass and gives none. Lengths in mm.\n");
+    let mut last = None;
+    for (at, (zone, levels)) in looks.iter().enumerate() {
+        if last != Some(*zone) {
+            text += &pattern(&format!("lw_v{zone}"), "lw_seen", *zone);
+            last = Some(*zone);
+        }
+        let radiance = numbers(levels.map(|level| value(level) / GLOWING));
+        let _ = write!(text, "lw_v{zone} glow lw_g{at}\n0\n0\n4 {radiance} -1\n");
+        let _ = write!(text, "void mixfunc lw_m{at}\n4 lw_g{at} void lw_glowing lampwright.cal\n0\n0\n");
+    }
+    let materials: BTreeMap<Look, usize> = looks.into_iter().zip(0..).collect();
+    for (look, corners) in &layers {
+        let material = materials.get(look).copied().unwrap_or_default();
+        let corners = numbers(corners.iter().flat_map(|corner| corner.to_array()));
+        let _ = write!(text, "lw_m{material} polygon lw_t\n0\n0\n9 {corners}\n");
+    }
+    text
+}
+
+/// The functions, with the axes of the photometric frame. D is the direction from the eye to the light, so the light goes along -D.
+fn functions(surface: &Surface<'_>) -> String {
+    let frame = surface.light.frame;
+    let along = |axis: DVec3| format!("(Dx*{} + Dy*{} + Dz*{})", axis.x, axis.y, axis.z);
+    let text = include_str!("lampwright.cal").replace("{x}", &along(frame.x())).replace("{y}", &along(frame.y()));
+    text.replace("{z}", &along(frame.z()))
+}
+
+/// Values by zone, C and γ: C from 0 to 360 with the first plane again at its end. One zone is written twice, as a data file has at least two
+/// places along each axis.
+fn data(surface: &Surface<'_>) -> String {
+    let grid = surface.light.grid;
+    let (planes, nodes) = (grid.c_planes(), grid.gamma_nodes());
+    let zones = surface.distributions.len().max(2);
+    let gamma: Vec<String> = grid.gamma_deg().into_iter().map(number).collect();
+    let mut text = format!("3\n0 {} {zones}\n0 360 {}\n0 0 {nodes} {}\n", zones - 1, planes + 1, gamma.join(" "));
+    for distribution in surface.distributions.iter().cycle().take(zones) {
+        for plane in (0..planes).chain([0]) {
+            text += &numbers(distribution[plane * nodes..][..nodes].iter().copied());
+            text.push('\n');
+        }
+    }
+    text
+}
