@@ -17,8 +17,6 @@ mod mitsuba;
 mod radiance;
 /// Blender: a script that builds a mesh and its materials.
 mod blender;
-#[cfg(test)]
-mod tests;
 
 use crate::artifacts::read::StoredModel;
 use crate::error::Error;

@@ -7,7 +7,7 @@
 
 Point x of the surface sends the radiance L = M(x) q(x, d) / |cos| in direction d, to both sides, and blocks nothing: its BSDF is "null".
 M and q are interpolated linearly between the corners of a triangle; q of a corner is a mixture of up to four tables over angles.
-Radiance comes in the unit that lampwright_model.npz names (cd/m2 or W/(m2 sr)), lengths are mm unless to_world scales them.
+Radiance comes in the unit that README.txt names, cd/m2 or W/(m2 sr); lengths are mm unless to_world scales them.
 
 Points are drawn by how much of their light goes to where it is asked for, so that few samples do. The texture coordinates of surface.ply
 are no texture: they say which triangle a point is in, and where, because Mitsuba tells an emitter nothing else when it asks for a density.

@@ -11,6 +11,7 @@ use crate::writing::Artifact;
 use crate::writing::number::rounded;
 use glam::DVec3;
 use sources::{Source, shares_of, sources};
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
@@ -20,13 +21,10 @@ const RADIANCE_LM_PER_W: f64 = 179.0;
 const SOURCES: usize = 1024;
 /// Levels of a colour within a factor of e: materials differ by half a percent.
 const LEVELS: f64 = 200.0;
-/// Part of a seen triangle that glows, the rest lets light pass; its radiance is larger by as much (`lampwright.cal` has the same number).
-const GLOWING: f64 = 1e-4;
-/// Part of a triangle's light below which a zone is not drawn for it.
-const LEAST: f64 = 1e-3;
-/// Distance of the layers of a triangle, in edges; Radiance cannot tell distances below 10⁻⁶ apart.
-const LAYER: f64 = 1e-3;
-const SMALLEST_LAYER_MM: f64 = 1e-5;
+/// Part of a seen triangle that glows, the rest lets light pass; its radiance is larger by as much.
+const GLOWING: f64 = 1e-3;
+/// Steps of the part of a triangle's light that a zone has. A glowing part of 10⁻⁶ and less would be left out by Radiance.
+const STEPS: f64 = 500.0;
 
 /// The folder's files.
 pub fn files(surface: &Surface<'_>, name: &str) -> Vec<Artifact> {
@@ -36,7 +34,7 @@ pub fn files(surface: &Surface<'_>, name: &str) -> Vec<Artifact> {
         |name: &str, text: String| Artifact { name: name.to_owned(), media_type: "text/plain", bytes: text.into() };
     let reach_mm = light.iter().map(|source| source.reach_mm).fold(0.0, f64::max);
     let readme = include_str!("README.txt").replace("{name}", name).replace("{sources}", &light.len().to_string());
-    let readme = readme.replace("{near}", &number(4.0 * reach_mm)).replace("{unit}", surface.unit());
+    let readme = readme.replace("{near}", &number(6.0 * reach_mm)).replace("{unit}", surface.unit());
     let factor = if surface.unit() == "cd/m2" { "179 " } else { "" };
     vec![
         text("README.txt", readme.replace("{factor}", factor)),
@@ -86,54 +84,78 @@ fn illuminating(sources: &[Source]) -> String {
     text
 }
 
-/// What a seen triangle looks like: its zone, and the levels of its colour.
-type Look = (usize, [i32; 3]);
+/// Levels of red, green and blue of a triangle's exitance.
+type Levels = [i32; 3];
+/// Zones of a triangle and how many steps of its light each has, the most first.
+type Parts = Vec<(usize, u32)>;
 
-/// Triangles, one a zone that it has light of, each a little above the last.
-fn layers(surface: &Surface<'_>, rgb: &[[f64; 3]]) -> Vec<(Look, [DVec3; 3])> {
-    let mesh = surface.light.mesh;
-    let level = |part: f64| if part > 0.0 { (part.ln() * LEVELS).round() as i32 } else { i32::MIN };
-    let mut layers = Vec::new();
-    for triangle in 0..mesh.triangles.len() {
-        let shares = shares_of(surface, rgb, triangle);
-        let all: f64 = shares.iter().map(|(_, flux)| flux.iter().sum::<f64>()).sum();
-        let kept: Vec<_> = shares.iter().filter(|(_, flux)| flux.iter().sum::<f64>() > LEAST * all).collect();
-        let whole: f64 = kept.iter().map(|(_, flux)| flux.iter().sum::<f64>()).sum();
-        let (area_mm2, normal) = (mesh.area_mm2(triangle), mesh.normal(triangle));
-        let layer_mm = (LAYER * area_mm2.sqrt()).max(SMALLEST_LAYER_MM);
-        for (height, (zone, flux)) in kept.into_iter().enumerate() {
-            let look = (*zone, flux.map(|flux| level(flux / area_mm2 * all / whole)));
-            let up = layer_mm * height as f64 * normal;
-            layers.push((look, mesh.corners_mm(triangle).map(|corner| corner + up)));
-        }
+/// What a triangle looks like.
+fn look(surface: &Surface<'_>, rgb: &[[f64; 3]], triangle: usize) -> (Levels, Parts) {
+    let shares = shares_of(surface, rgb, triangle);
+    let all: f64 = shares.iter().flat_map(|(_, flux)| flux).sum();
+    let area_mm2 = surface.light.mesh.area_mm2(triangle);
+    let mut parts: Parts = Vec::new();
+    let mut sums = [0.0; 3];
+    for (zone, flux) in shares {
+        sums.iter_mut().zip(flux).for_each(|(sum, part)| *sum += part / area_mm2);
+        let steps = (STEPS * flux.iter().sum::<f64>() / all).round() as u32;
+        parts.extend((steps > 0).then_some((zone, steps)));
     }
-    layers
+    parts.sort_by_key(|(zone, steps)| (Reverse(*steps), *zone));
+    let level = |part: f64| if part > 0.0 { (part.ln() * LEVELS).round() as i32 } else { i32::MIN };
+    (sums.map(level), parts)
 }
 
-/// The layers with their materials; those that differ by less than half a percent are one.
+/// Triangles with their materials; those that differ by less than half a percent are one. A material is a chain of mixtures: a part glows as the first
+/// zone says, the rest is a part that glows as the second says, and so on; what is left lets light pass.
 fn seen(surface: &Surface<'_>, rgb: &[[f64; 3]]) -> String {
-    let value = |level: i32| if level > i32::MIN { (f64::from(level) / LEVELS).exp() } else { 0.0 };
-    let layers = layers(surface, rgb);
-    let looks: BTreeSet<Look> = layers.iter().map(|(look, _)| *look).collect();
+    let mesh = surface.light.mesh;
+    let looks: Vec<(Levels, Parts)> = (0..mesh.triangles.len()).map(|triangle| look(surface, rgb, triangle)).collect();
+    let glows = looks.iter().flat_map(|(levels, parts)| parts.iter().map(|(zone, _)| (*zone, *levels)));
+    let glows: BTreeSet<(usize, Levels)> = glows.collect();
     let mut text =
         String::from("# Surface of a Lampwright model: it is seen, lets light pass and gives none. Lengths in mm.\n");
     let mut last = None;
-    for (at, (zone, levels)) in looks.iter().enumerate() {
+    for (at, (zone, levels)) in glows.iter().enumerate() {
         if last != Some(*zone) {
             text += &pattern(&format!("lw_v{zone}"), "lw_seen", *zone);
             last = Some(*zone);
         }
+        let value = |level: i32| if level > i32::MIN { (f64::from(level) / LEVELS).exp() } else { 0.0 };
         let radiance = numbers(levels.map(|level| value(level) / GLOWING));
         let _ = write!(text, "lw_v{zone} glow lw_g{at}\n0\n0\n4 {radiance} -1\n");
-        let _ = write!(text, "void mixfunc lw_m{at}\n4 lw_g{at} void lw_glowing lampwright.cal\n0\n0\n");
     }
-    let materials: BTreeMap<Look, usize> = looks.into_iter().zip(0..).collect();
-    for (look, corners) in &layers {
-        let material = materials.get(look).copied().unwrap_or_default();
-        let corners = numbers(corners.iter().flat_map(|corner| corner.to_array()));
-        let _ = write!(text, "lw_m{material} polygon lw_t\n0\n0\n9 {corners}\n");
+    let glows: BTreeMap<(usize, Levels), usize> = glows.into_iter().zip(0..).collect();
+    let materials: BTreeSet<&(Levels, Parts)> = looks.iter().filter(|(_, parts)| !parts.is_empty()).collect();
+    for (at, (levels, parts)) in materials.iter().enumerate() {
+        let glow = |zone: usize| glows.get(&(zone, *levels)).copied().unwrap_or_default();
+        text += &chain(at, &parts.iter().map(|(zone, steps)| (glow(*zone), *steps)).collect::<Vec<_>>());
+    }
+    let materials: BTreeMap<&(Levels, Parts), usize> = materials.into_iter().zip(0..).collect();
+    for (triangle, look) in looks.iter().enumerate() {
+        if let Some(material) = materials.get(look) {
+            let corners = numbers(mesh.corners_mm(triangle).iter().flat_map(|corner| corner.to_array()));
+            let _ = write!(text, "lw_m{material}_0 polygon lw_t\n0\n0\n9 {corners}\n");
+        }
     }
     text
+}
+
+/// The mixtures of a material, the last first: `lw_mAT_0` is what a triangle names.
+fn chain(at: usize, parts: &[(usize, u32)]) -> String {
+    let whole = f64::from(parts.iter().map(|(_, steps)| steps).sum::<u32>());
+    let mut left = 1.0;
+    let mut mixtures = Vec::new();
+    for (place, (glow, steps)) in parts.iter().enumerate() {
+        let part = GLOWING * f64::from(*steps) / whole;
+        let rest = if place + 1 < parts.len() { format!("lw_m{at}_{}", place + 1) } else { "void".to_owned() };
+        mixtures.push(format!(
+            "void mixfunc lw_m{at}_{place}\n4 lw_g{glow} {rest} lw_part lampwright.cal\n0\n1 {}\n",
+            number(part / left)
+        ));
+        left -= part;
+    }
+    mixtures.into_iter().rev().collect()
 }
 
 /// The functions, with the axes of the photometric frame. D is the direction from the eye to the light, so the light goes along -D.
