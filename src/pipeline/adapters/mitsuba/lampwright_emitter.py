@@ -100,6 +100,7 @@ class Lampwright(mi.Emitter):
         axes = stored["axes"] @ matrix[:3, :3].T
         self.axes = [mi.Vector3f(axis.tolist()) for axis in axes / np.linalg.norm(axes, axis=1, keepdims=True)]
         self.load_angles(stored["distributions"], stored["gamma"])
+        self.zones = len(stored["distributions"])
         self.load_parts(corners, triangles, area, brightness, zones, weights)
         self.load_directions(stored["distributions"], stored["gamma"])
 
@@ -113,7 +114,7 @@ class Lampwright(mi.Emitter):
         mean = (brightness[triangles].sum(axis=1, keepdims=True) + brightness[triangles]) / 4
         zone = zones[triangles]
         flux = (area[:, None, None] / 3) * mean[:, :, None] * weights[triangles]
-        count = int(zones.max()) + 1
+        count = self.zones
         order = np.argsort(zone.ravel(), kind="stable")
         order = order[flux.ravel()[order] > 0]
         sorted_zone, sorted_flux = zone.ravel()[order], flux.ravel()[order]
@@ -136,7 +137,6 @@ class Lampwright(mi.Emitter):
         squares = ((centres - middles[sorted_zone]) ** 2).sum(axis=1)
         self.middle = Table(middles.astype(np.float32))
         self.reach2 = Table((np.bincount(sorted_zone, sorted_flux * squares, count) / scale[:, 0]).astype(np.float32))
-        self.zones = count
 
     def load_directions(self, distributions, gamma):
         """Flux of each zone times what it sends into each cell of an octahedral map, per sr."""
@@ -296,7 +296,7 @@ class Lampwright(mi.Emitter):
 
     def sample_direction(self, it, sample, active=True):
         triangle, shares, total = self.draw(it.p, sample, active)
-        ds = dr.zeros(mi.DirectionSample3f)
+        ds = dr.zeros(mi.DirectionSample3f) if dr.is_jit_v(mi.Float) else mi.DirectionSample3f()
         ds.p, ds.n, ds.uv = self.point(triangle, shares, active)
         ds.time, ds.delta = it.time, False
         away = ds.p - it.p
