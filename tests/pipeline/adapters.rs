@@ -55,21 +55,23 @@ fn brightness(rgb: &[f64]) -> f64 {
     rgb.iter().zip(LUMINANCE).map(|(part, weight)| part * weight).sum()
 }
 
-/// Place and flux of each sphere, in red, green and blue, W.
+/// Place and flux of each sphere, in red, green and blue, W. Radiance lets no light through one to another: together they are to hide next to nothing of
+/// the sources, which are 1 mm² and more.
 fn spheres(adapted: &Adapted) -> Vec<(DVec3, [f64; 3])> {
-    let mut radiance = Vec::new();
-    let mut spheres = Vec::new();
+    let (mut radiance, mut spheres, mut hidden_m2) = (Vec::new(), Vec::new(), 0.0);
     for Primitive { kind, numbers, .. } in primitives(&text(adapted, "light.rad")) {
         match kind.as_str() {
             "illum" => radiance.clone_from(&numbers),
             "sphere" => {
                 let section_m2 = PI * numbers[3] * numbers[3] * 1e-6;
                 let flux = [0, 1, 2].map(|part| radiance[part] * section_m2);
+                hidden_m2 += section_m2;
                 spheres.push((DVec3::from_slice(&numbers), flux));
             }
             _ => assert_eq!(kind, "brightdata"),
         }
     }
+    assert!(hidden_m2 < 1e-3 * 1e-6, "{hidden_m2}");
     spheres
 }
 
@@ -129,6 +131,8 @@ fn zones_are_mixed_and_each_has_its_distribution() {
     let source = by_name("dome").unwrap();
     let adapted = adapt(&model("dome"), Renderer::Radiance, Some(Kind::Luminous)).unwrap();
     assert!(adapted.zones > 10);
+    let light = LM_PER_W * spheres(&adapted).iter().map(|(_, flux)| brightness(flux)).sum::<f64>();
+    assert!((light / source.luminous_lm() - 1.0).abs() < 0.005, "{light}");
     let seen = LM_PER_W * seen_w(&adapted);
     assert!((seen / source.luminous_lm() - 1.0).abs() < 0.005, "{seen}");
     let data = text(&adapted, "lampwright.dat");

@@ -8,7 +8,7 @@ mod sources;
 use super::colour::RADIANCE;
 use super::surface::Surface;
 use crate::writing::Artifact;
-use crate::writing::number::rounded;
+use crate::writing::number::{rounded, text as plain_text};
 use glam::DVec3;
 use sources::{Source, shares_of, sources};
 use std::cmp::Reverse;
@@ -21,6 +21,8 @@ const RADIANCE_LM_PER_W: f64 = 179.0;
 const SOURCES: usize = 1024;
 /// Levels of a colour within a factor of e: materials differ by half a percent.
 const LEVELS: f64 = 200.0;
+/// Distance from which a source is as good as a point, in reaches: its light is off by a few per cent there.
+const NEAR: f64 = 6.0;
 /// Part of a seen triangle that glows, the rest lets light pass; its radiance is larger by as much.
 const GLOWING: f64 = 1e-3;
 /// Steps of the part of a triangle's light that a zone has. A glowing part of 10⁻⁶ and less would be left out by Radiance.
@@ -32,9 +34,9 @@ pub fn files(surface: &Surface<'_>, name: &str) -> Vec<Artifact> {
     let light = sources(surface, &rgb, SOURCES);
     let text =
         |name: &str, text: String| Artifact { name: name.to_owned(), media_type: "text/plain", bytes: text.into() };
-    let reach_mm = light.iter().map(|source| source.reach_mm).fold(0.0, f64::max);
+    let near = plain_text(NEAR * mean_reach_mm(&light), 2);
     let readme = include_str!("README.txt").replace("{name}", name).replace("{sources}", &light.len().to_string());
-    let readme = readme.replace("{near}", &number(6.0 * reach_mm)).replace("{unit}", surface.unit());
+    let readme = readme.replace("{near}", &near).replace("{unit}", surface.unit());
     let factor = if surface.unit() == "cd/m2" { "179 " } else { "" };
     vec![
         text("README.txt", readme.replace("{factor}", factor)),
@@ -43,6 +45,13 @@ pub fn files(surface: &Surface<'_>, name: &str) -> Vec<Artifact> {
         text("lampwright.cal", functions(surface)),
         text("lampwright.dat", data(surface)),
     ]
+}
+
+/// How far the flux of a source lies from its middle, root mean square over all flux, mm.
+fn mean_reach_mm(sources: &[Source]) -> f64 {
+    let of = |source: &Source| source.flux.iter().sum::<f64>();
+    let sum: f64 = sources.iter().map(of).sum();
+    (sources.iter().map(|source| of(source) * source.reach_mm * source.reach_mm).sum::<f64>() / sum).sqrt()
 }
 
 /// Exitance of the vertices in red, green and blue of Radiance, W/m²: it has 179 lm for each W of white light.

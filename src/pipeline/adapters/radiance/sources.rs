@@ -4,8 +4,11 @@ use crate::adapters::surface::Surface;
 use glam::DVec3;
 use std::collections::BTreeMap;
 
-/// Radius of a source's sphere, as a part of how far its light reaches from its middle.
-const RADIUS: f64 = 0.25;
+/// Radius of a source's sphere, as a part of how far its light reaches from its middle: Radiance lets no light through one `illum` to
+/// another, so what lies between must be next to nothing. A thousand spheres of this size hide 0.02 % of the dome from itself.
+const RADIUS: f64 = 0.01;
+/// Least radius, mm: Radiance cannot tell distances below 10⁻⁶ apart.
+const SMALLEST_MM: f64 = 1e-5;
 
 /// A small source.
 pub struct Source {
@@ -46,7 +49,8 @@ pub fn shares_of(surface: &Surface<'_>, rgb: &[[f64; 3]], triangle: usize) -> Ve
     zones.into_iter().filter(|(_, flux)| flux.iter().any(|part| *part > 0.0)).collect()
 }
 
-/// About `most` sources; each zone has as many as its part of the flux, at least one.
+/// `most` sources, or as many as there are zones, by zone. The part whose flux lies farthest from its middle (flux times squares of distances) is cut in
+/// two until there are so many.
 pub fn sources(surface: &Surface<'_>, rgb: &[[f64; 3]], most: usize) -> Vec<Source> {
     let mesh = surface.light.mesh;
     let mut zones: Vec<Vec<Piece>> = surface.distributions.iter().map(|_| Vec::new()).collect();
@@ -57,36 +61,38 @@ pub fn sources(surface: &Surface<'_>, rgb: &[[f64; 3]], most: usize) -> Vec<Sour
             zones[zone].push(Piece { at_mm, edge_mm, flux, brightness: flux.iter().sum() });
         }
     }
-    let of = |pieces: &[Piece]| pieces.iter().map(|piece| piece.brightness).sum::<f64>();
-    let whole: f64 = zones.iter().map(|pieces| of(pieces)).sum();
-    let mut sources = Vec::new();
-    for (zone, mut pieces) in zones.into_iter().enumerate() {
-        let parts = (most as f64 * of(&pieces) / whole).round().max(1.0) as usize;
-        cut(&mut pieces, parts, &mut |part| sources.extend(source(zone, part)));
+    let parts = zones.into_iter().enumerate();
+    let mut parts: Vec<(Source, Vec<Piece>)> =
+        parts.filter_map(|(zone, pieces)| Some((source(zone, &pieces)?, pieces))).collect();
+    let spread = |(source, pieces): &(Source, Vec<Piece>)| {
+        if pieces.len() < 2 { 0.0 } else { source.flux.iter().sum::<f64>() * source.reach_mm * source.reach_mm }
+    };
+    while parts.len() < most {
+        let widest = (0..parts.len()).max_by(|a, b| spread(&parts[*a]).total_cmp(&spread(&parts[*b])));
+        let Some(widest) = widest.filter(|widest| spread(&parts[*widest]) > 0.0) else { break };
+        let (Source { zone, .. }, pieces) = parts.swap_remove(widest);
+        let (first, second) = halves(pieces);
+        parts.extend([first, second].into_iter().filter_map(|pieces| Some((source(zone, &pieces)?, pieces))));
     }
-    sources
+    parts.sort_by_key(|(source, _)| source.zone);
+    parts.into_iter().map(|(source, _)| source).collect()
 }
 
-/// Cuts across the longest side of their box, so that each side has its part of the flux, until there are `parts`.
-fn cut(pieces: &mut [Piece], parts: usize, found: &mut impl FnMut(&[Piece])) {
-    if parts < 2 || pieces.len() < 2 {
-        found(pieces);
-        return;
-    }
+/// Cuts across the longest side of the box, so that each side has half of the flux.
+fn halves(mut pieces: Vec<Piece>) -> (Vec<Piece>, Vec<Piece>) {
     let least = pieces.iter().map(|piece| piece.at_mm).fold(DVec3::INFINITY, DVec3::min);
     let most = pieces.iter().map(|piece| piece.at_mm).fold(DVec3::NEG_INFINITY, DVec3::max);
     let axis = (0..3).max_by(|a, b| (most - least)[*a].total_cmp(&(most - least)[*b])).unwrap_or(0);
     pieces.sort_by(|a, b| a.at_mm[axis].total_cmp(&b.at_mm[axis]));
-    let wanted = pieces.iter().map(|piece| piece.brightness).sum::<f64>() * (parts / 2) as f64 / parts as f64;
+    let half = 0.5 * pieces.iter().map(|piece| piece.brightness).sum::<f64>();
     let mut sum = 0.0;
     let before = |piece: &Piece| {
         sum += piece.brightness;
-        sum <= wanted
+        sum <= half
     };
     let place = pieces.iter().map(before).take_while(|is_before| *is_before).count().clamp(1, pieces.len() - 1);
-    let (first, second) = pieces.split_at_mut(place);
-    cut(first, parts / 2, found);
-    cut(second, parts - parts / 2, found);
+    let second = pieces.split_off(place);
+    (pieces, second)
 }
 
 fn source(zone: usize, pieces: &[Piece]) -> Option<Source> {
@@ -100,5 +106,5 @@ fn source(zone: usize, pieces: &[Piece]) -> Option<Source> {
     let reach_mm = mean(&|p| p.at_mm.distance_squared(middle_mm) + p.edge_mm * p.edge_mm / 9.0).sqrt();
     let mut flux = [0.0; 3];
     pieces.iter().for_each(|p| flux.iter_mut().zip(p.flux).for_each(|(sum, own)| *sum += own));
-    Some(Source { zone, middle_mm, radius_mm: RADIUS * reach_mm, reach_mm, flux })
+    Some(Source { zone, middle_mm, radius_mm: (RADIUS * reach_mm).max(SMALLEST_MM), reach_mm, flux })
 }
