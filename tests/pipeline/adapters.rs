@@ -71,7 +71,7 @@ fn spheres(adapted: &Adapted) -> Vec<(DVec3, [f64; 3])> {
             _ => assert_eq!(kind, "brightdata"),
         }
     }
-    assert!(hidden_m2 < 1e-3 * 1e-6, "{hidden_m2}");
+    assert!(hidden_m2 < 5e-3 * 1e-6, "{hidden_m2}");
     spheres
 }
 
