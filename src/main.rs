@@ -5,8 +5,8 @@ mod command;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use command::{
-    Failure, backup, build, combine, convert, environment, evaluate, health, inspect, keys, openapi, rays, sample,
-    serve, tenants,
+    Failure, adapter, backup, build, combine, convert, environment, evaluate, health, inspect, keys, openapi, rays,
+    sample, serve, tenants,
 };
 use std::process::ExitCode;
 
@@ -38,6 +38,8 @@ enum Verb {
     Evaluate(evaluate::Arguments),
     /// Change models and make several one, without their rays: scaled in flux, turned, moved.
     Combine(combine::Arguments),
+    /// Write a model as Blender, Mitsuba 3 or Radiance opens it: a folder of files for scenes of your own.
+    Adapter(adapter::Arguments),
     /// Write a known source as an IES TM-25 ray file.
     Sample(sample::Arguments),
     /// Create, list, rotate and revoke the keys of a service.
@@ -69,6 +71,7 @@ fn main() -> ExitCode {
         Verb::Rays(arguments) => rays::run(&arguments),
         Verb::Evaluate(arguments) => evaluate::run(&arguments),
         Verb::Combine(arguments) => combine::run(&arguments),
+        Verb::Adapter(arguments) => adapter::run(&arguments),
         Verb::Sample(arguments) => sample::run(&arguments),
         Verb::Keys(arguments) => keys::run(arguments),
         Verb::Tenants(arguments) => tenants::run(arguments),

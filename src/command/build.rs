@@ -63,10 +63,10 @@ fn names(inputs: &[Input]) -> String {
     inputs.iter().map(|input| input.name.as_str()).collect::<Vec<_>>().join(" + ")
 }
 
-/// Makes the folder for a model. An earlier model in the same folder would leave zones behind that the new one does not have.
+/// Makes the folder for results. An earlier model in the same folder would leave zones behind that the new one does not have.
 ///
 /// # Errors
-/// It is not empty, or the disk refuses.
+/// The folder is not empty, or the disk refuses an operation.
 pub fn make_empty(folder: &Path) -> Result<(), Failure> {
     let disk = |error: std::io::Error| Failure::disk(folder, &error);
     fs::create_dir_all(folder).map_err(disk)?;

@@ -27,6 +27,8 @@ pub mod evaluate;
 mod model_argument;
 /// `combine`: models changed, and several as one.
 pub mod combine;
+/// `adapter`: a model as a renderer opens it.
+pub mod adapter;
 /// `sample`: known sources as ray files.
 pub mod sample;
 /// `openapi`: the contract.

@@ -45,6 +45,8 @@ pub mod combination;
 pub mod new_rays;
 /// A model evaluated without noise: intensity, irradiance, radiance.
 pub mod evaluation;
+/// A model as a renderer opens it.
+pub mod adapters;
 /// What a run needs of the machine.
 pub mod memory;
 

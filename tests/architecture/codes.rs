@@ -43,12 +43,18 @@ const CALM: &str = "ok";
 const CODED: [(&str, Kind); 3] = [("Flaw", Kind::Notice), ("Error", Kind::Job), ("Unusable", Kind::Failed)];
 
 /// What looks like a code and is none: the whole string, its beginning or its end (`*` is the rest), and what it is.
-const NOT_CODES: [(&str, &str); 26] = [
+const NOT_CODES: [(&str, &str); 32] = [
     ("*.glb", "a file"),
     ("*.json", "a file"),
     ("*.csv", "a file"),
     ("*.svg", "a file"),
     ("*.zip", "a file"),
+    ("*.npz", "a file"),
+    ("*.ply", "a file"),
+    ("*.py", "a file"),
+    ("*.rad", "a file"),
+    ("*.cal", "a file"),
+    ("*.dat", "a file"),
     ("service.db", "a file"),
     ("service.db.new", "a file"),
     ("memory.max", "a file of the kernel's"),

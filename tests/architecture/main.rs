@@ -38,6 +38,7 @@ const PIPELINE: [&str; 22] = [
     "combination",
     "new_rays",
     "evaluation",
+    "adapters",
     "memory",
 ];
 

@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, clippy::panic, reason = "what a test stumbles over is its finding")]
 
+mod adapters;
 mod bad_input;
 mod channels;
 mod combination;

@@ -27,7 +27,7 @@ mod file;
 mod tests;
 
 pub use answer::{Answer, Channel};
-pub use emission::Kind;
+pub use emission::{Kind, tristimulus_of_bands};
 pub use file::{Form, schema};
 pub use glam::DVec3 as Vector;
 pub use request::{MOST_NUMBERS, Request, TOLERANCE};
