@@ -6,7 +6,9 @@ use crate::writing::Artifact;
 const ALIGNMENT: usize = 64;
 
 fn array(name: &str, kind: &str, shape: &[usize], numbers: impl Iterator<Item = [u8; 4]>) -> Artifact {
-    let shape: String = shape.iter().map(|count| format!("{count}, ")).collect();
+    let counts: Vec<String> = shape.iter().map(usize::to_string).collect();
+    // A tuple of one has a comma behind it.
+    let shape = counts.join(", ") + if counts.len() == 1 { "," } else { "" };
     let facts = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}), }}");
     // Magic, version and the length of what follows are ten bytes; a line end closes the header.
     let length = (10 + facts.len() + 1).next_multiple_of(ALIGNMENT) - 10;
@@ -37,7 +39,7 @@ mod tests {
         let header = b"\x93NUMPY\x01\x00v\x00{'descr': '<u4', 'fortran_order': False, 'shape': (1, 3), }";
         let bytes = indices("a", &[1, 3], [1, 2, 3].into_iter()).bytes;
         assert_eq!(bytes.len(), 128 + 12);
-        assert!(bytes.starts_with(b"\x93NUMPY\x01\x00v\x00{'descr': '<u4', 'fortran_order': False, 'shape': (1, 3"));
+        assert!(bytes.starts_with(header));
         assert!(bytes[header.len()..127].iter().all(|byte| *byte == b' ') && bytes[127] == b'\n');
         assert_eq!(bytes[128..], [1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0]);
     }
