@@ -145,6 +145,18 @@ impl Error {
         }
     }
 
+    /// The same, where it is of one of several things: `whose` goes before what was found.
+    #[must_use]
+    pub fn of_one(self, whose: &str) -> Error {
+        let told = |fault: Fault| Fault { found: format!("{whose}: {}", fault.found), ..fault };
+        match self {
+            Error::Malformed(fault) => Error::Malformed(told(fault)),
+            Error::Refused(fault) => Error::Refused(told(fault)),
+            Error::Unusable(fault) => Error::Unusable(told(fault)),
+            other => other,
+        }
+    }
+
     fn at(self, place: Place) -> Error {
         let put = |fault: Fault| Fault { at: Some(place), ..fault };
         match self {

@@ -1,5 +1,5 @@
 //! Why believe the numbers: known sources through the whole pipeline, against exact answers. The tables in `ACCURACY.md` beside this
-//! file, and their first row of each source in the `README.md` of the project, are made here and compared here, so they hold what was
+//! file, and the last row of each source in the `README.md` of the project, are made here and compared here, so they hold what was
 //! measured and nothing else.
 //!
 //! `WRITE_README=1 cargo test --test accuracy` writes them anew.

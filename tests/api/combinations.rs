@@ -63,8 +63,16 @@ async fn what_cannot_be_combined_is_told() {
         (with(json!({"scale": 0})), "combination.change", "scale"),
         (with(json!({"scale": 1, "flux": {"radiant_w": 1}})), "combination.change", "scale"),
         (with(json!({"spectrum": {"nm_value": [[500, 0]]}})), "combination.change", "spectrum"),
-        (with(json!({"flux": {"radiant_w": -1}})), "combination.change", "scale"),
-        (with(json!({"turns": [{"axis": [0, 0, 0], "degrees": 1}]})), "combination.change", "turn"),
+        (with(json!({"flux": {"radiant_w": -1}})), "combination.change", "flux"),
+        (with(json!({"scale": 1e36})), "combination.change", "scale"),
+        (with(json!({"name": ""})), "request.out_of_range", "models[0].name"),
+        (
+            with(json!({"turns": vec![json!({"axis": [0, 0, 1], "degrees": 1}); 17]})),
+            "request.out_of_range",
+            "models[0].turns",
+        ),
+        (with(json!({"turns": [{"axis": [0, 0, 0], "degrees": 1}]})), "combination.change", "turns"),
+        (with(json!({"move_mm": [0, 0, 1e6]})), "combination.change", "move_mm"),
         (with(json!({"move_mm": [0, 0, 1e12]})), "combination.change", "move_mm"),
         (with(json!({"move_mm": [0, 0]})), "request.wrong_type", "models[0].move_mm"),
     ] {

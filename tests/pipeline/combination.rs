@@ -321,6 +321,13 @@ fn what_cannot_be_one_is_refused() {
     let strength = Some(Strength::Flux(Total::LuminousLm(f64::NAN)));
     assert_eq!(code(&[changed(&chip, Change { strength, ..Change::default() })]), "combination.change");
     assert_eq!(code(&[Component { goniograms: b"{}".to_vec(), ..chip.clone() }]), "model.goniograms");
+    // A spectrum may reach far, and every vertex would have all of its bands.
+    let spectrum = Table::new(&[(380.0, 1.0), (39_000.0, 1.0)]);
+    let far = changed(&chip, Change { spectrum, ..Change::default() });
+    let limits = Limits { max_tally_values: 1 << 20, ..Limits::default() };
+    let error = combine(&[chip.clone(), far], &Options::default(), &limits, &NoProgress).map(|_| ()).unwrap_err();
+    assert_eq!(error.code(), "combination.too_large");
+    assert!(error.to_string().contains("Model 2: "), "{error}");
     // A volume alone is moved.
     let shift_mm = DVec3::new(0.0, 0.0, 5.0);
     let moved = stored(&of(&combined(&[changed(&ball, Change { move_mm: shift_mm, ..Change::default() })]).unwrap()));

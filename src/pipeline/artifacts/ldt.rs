@@ -1,7 +1,8 @@
 //! EULUMDAT: luminous intensities for the lighting programs of Europe (DIALux, Relux), of which LM-63 is a second language.
 //!
 //! One value a line, Latin-1, CR LF. Absolute photometry, which the format says by a negative number of lamps; intensities in cd per 1000 lm
-//! of the lumens in the file. Every C plane is written and plane 360 is not: Isym 0 (`openapi/README.md`, the files).
+//! of the lumens in the file. Every C plane is written and plane 360 is not: Isym 0, or Isym 1 where one plane
+//! stands for all (`openapi/README.md`, the files).
 
 use super::photometry::{Part, decimals, flux_of_nodes, issue_date, parts, sides_mm};
 use super::provenance::{generator, header_text, input_kind, source_name};

@@ -32,8 +32,10 @@ pub fn unite(components: &mut [Changed], limits: &Limits, notices: &mut Notices)
             .map(|component| component.ancestor.name.as_str())
             .collect();
         if !known && without.len() < components.len() {
-            let found =
-                format!("{} of the whole are unknown, because they are of: {}. {REMEDY}", name, without.join(", "));
+            let found = format!(
+                "The {name} of the whole are unknown, because these models do not know theirs: {}. {REMEDY}",
+                without.join(", ")
+            );
             notices.add("combination.unknown_quantity", found);
         }
     }
@@ -44,19 +46,30 @@ pub fn unite(components: &mut [Changed], limits: &Limits, notices: &mut Notices)
         [first, ..] => of_all(first, components, radiant, luminous, notices),
         [] => return Err(nothing()),
     };
+    let numbers: usize = components.iter_mut().map(|component| numbers_with(component, &spectral)).sum();
+    if numbers > limits.max_tally_values {
+        let found = format!(
+            "The models together have {} bands, and {numbers} spectral numbers with them, too many.",
+            spectral.bands.len()
+        );
+        return Err(Error::refused("combination.too_large", found, "Build the models with the same bands."));
+    }
     for component in components.iter_mut() {
         let own = component.spectral.clone();
         if own != spectral {
-            let sites = component.vertices.len() + component.volume.as_ref().map_or(0, |volume| volume.nodes.len());
-            if sites.saturating_mul(spectral.column_count()) > limits.max_tally_values {
-                let found =
-                    format!("The models together have {} bands, too many for their places.", spectral.bands.len());
-                return Err(Error::refused("combination.too_large", found, "Build the models with the same bands."));
-            }
             take(component, &own, &spectral);
         }
     }
     Ok(spectral)
+}
+
+/// Spectral numbers of a component with the bands of all: of its places, and of its directions where these differ in spectrum.
+fn numbers_with(component: &mut Changed, all: &Spectral) -> usize {
+    let own = component.spectral.bands.len().max(1);
+    let directions: usize =
+        component.goniograms_mut().map(|goniogram| goniogram.spectral_w_per_sr_nm.len() / own).sum();
+    let of_places = component.sites().saturating_mul(all.column_count());
+    of_places.saturating_add(if all.has_bands() { directions.saturating_mul(all.bands.len()) } else { 0 })
 }
 
 fn forget(component: &mut Changed, radiant: bool, luminous: bool) {

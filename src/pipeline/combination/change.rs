@@ -11,6 +11,10 @@ const NEARLY: f64 = 1e-12;
 /// Farthest move, mm: as far as a vertex may be.
 const FARTHEST_MM: f64 = 1e9;
 
+/// Least and greatest flux of a model, W or lm: what its files can hold of every vertex.
+const LEAST_FLUX: f64 = 1e-20;
+const GREATEST_FLUX: f64 = 1e20;
+
 /// How strong the light becomes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Strength {
@@ -57,7 +61,7 @@ impl Change {
             let axis = turn.axis.try_normalize().filter(|axis| axis.is_finite());
             let (Some(axis), true) = (axis, turn.degrees.is_finite()) else {
                 let found = format!("A turn by {} degrees about {} is none.", turn.degrees, turn.axis);
-                return Err(unusable("turn", found, "Give an axis that is not 0, and an angle in degrees."));
+                return Err(unusable("turns", found, "Give an axis that is not 0, and an angle in degrees."));
             };
             rotation = snapped(DMat3::from_axis_angle(axis, turn.degrees.to_radians())) * rotation;
         }
@@ -99,14 +103,15 @@ impl Change {
                 total.value() / known
             }
         };
-        if factor > 0.0 && factor.is_finite() {
+        let is_written = |known: &Option<f64>| {
+            known.is_none_or(|known| known == 0.0 || (LEAST_FLUX..=GREATEST_FLUX).contains(&(factor * known)))
+        };
+        if factor > 0.0 && is_written(&flux.radiant_w) && is_written(&flux.luminous_lm) {
             return Ok(factor);
         }
-        Err(unusable(
-            "scale",
-            format!("The flux would be {factor} times what it is."),
-            "Give a positive factor or flux.",
-        ))
+        let field = if matches!(self.strength, Some(Strength::Flux(_))) { "flux" } else { "scale" };
+        let remedy = "Give a positive factor or flux, such that the flux lies between 1e-20 and 1e20.";
+        Err(unusable(field, format!("The flux would be {factor} times what it is."), remedy))
     }
 }
 
@@ -147,6 +152,8 @@ mod tests {
             Strength::Factor(0.0),
             Strength::Factor(-1.0),
             Strength::Factor(f64::INFINITY),
+            Strength::Factor(1e36),
+            Strength::Factor(1e-36),
             Strength::Flux(Total::LuminousLm(5.0)),
             Strength::Flux(Total::RadiantW(f64::NAN)),
         ] {

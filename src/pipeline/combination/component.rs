@@ -22,6 +22,8 @@ use glam::{DMat3, DVec3};
 /// What the inputs of a combination are, in the place of the format of ray files.
 const FORMAT: &str = "Lampwright model";
 
+/// Positions are known within this part of a model's size.
+const LEAST_DIGITS: f64 = 1e-3;
 /// Part of a model's flux that no digit of its files shows.
 const UNSEEN: f64 = 1e-12;
 
@@ -91,7 +93,8 @@ impl Changed {
             provenance: details.provenance,
         };
         let put = |point_mm: DVec3| turn * point_mm + shift_mm;
-        let vertices_mm = model.vertices_mm.into_iter().map(put).collect();
+        let vertices_mm: Vec<DVec3> = model.vertices_mm.into_iter().map(put).collect();
+        check_digits(&vertices_mm)?;
         let sight = Sight::turned(model.frame, turn);
         let mut changed = Changed {
             origin: origin(&ancestor, emitter.len(), details.rays, &model.spectral),
@@ -118,6 +121,11 @@ impl Changed {
             volume.lattice.min_mm += shift_mm;
         }
         Ok(changed)
+    }
+
+    /// How many places hold its light: vertices, and nodes of its volume.
+    pub fn sites(&self) -> usize {
+        self.vertices.len() + self.volume.as_ref().map_or(0, |volume| volume.nodes.len())
     }
 
     /// Multiplies its flux.
@@ -154,6 +162,21 @@ impl Changed {
     pub fn goniograms_mut(&mut self) -> impl Iterator<Item = &mut Goniogram> {
         self.zones.iter_mut().map(|zone| &mut zone.goniogram).chain([&mut self.total])
     }
+}
+
+/// Files hold positions with the digits of binary32: far from the origin a small model would fall apart.
+fn check_digits(vertices_mm: &[DVec3]) -> Result<(), Error> {
+    let bounds = Bounds::of(vertices_mm.iter().copied());
+    let step_mm = bounds.min.abs().max(bounds.max.abs()).max_element() * f64::from(f32::EPSILON);
+    let size_mm = bounds.size().length();
+    if step_mm <= LEAST_DIGITS * size_mm || vertices_mm.is_empty() {
+        return Ok(());
+    }
+    let found = format!(
+        "The model, {size_mm:.3} mm large, would stand so far from the origin that its positions are known within {step_mm:.3} mm."
+    );
+    let remedy = "Move it less far, and move the whole in the scene instead.";
+    Err(Error::invalid_declaration("combination.change", Place::Asked("move_mm"), found, remedy))
 }
 
 fn origin(ancestor: &Ancestor, bytes: usize, rays: [u64; 2], spectral: &Spectral) -> Origin {

@@ -49,27 +49,18 @@ pub fn combine(components: &[Component], limits: &Limits, watch: StageWatch<'_>)
         return Err(Error::invalid_declaration("combination.models", place, found, remedy));
     }
     let mut changed = Vec::with_capacity(components.len());
+    let mut numbers = 0_usize;
     for (at, component) in components.iter().enumerate() {
-        let mut own = Changed::new(component, limits)?;
-        if let Some(table) = &component.change.spectrum {
-            spectrum::give(&mut own, table)?;
-        }
-        own.scale(component.change.factor(&own.total.flux)?);
-        changed.push(own);
+        let own = made(component, limits, &mut numbers);
+        changed.push(own.map_err(|error| {
+            let name = component.name.as_ref().map_or(String::new(), |name| format!(" ({name})"));
+            if components.len() == 1 { error } else { error.of_one(&format!("Model {}{name}", at + 1)) }
+        })?);
         watch.step(0.6 * (at + 1) as f64 / components.len() as f64)?;
     }
     check_volumes(&changed)?;
     if changed.len() > 1 {
         changed.iter_mut().for_each(Changed::light_dark_zones);
-    }
-    let sites: usize = changed.iter().map(|own| own.vertices.len() * own.vertices.column_count.max(1)).sum();
-    if sites > limits.max_tally_values {
-        let found = format!("The models together have {sites} numbers on their surfaces, more than are written.");
-        return Err(Error::refused(
-            "combination.too_large",
-            found,
-            "Combine fewer models, or models with wider bands.",
-        ));
     }
     let mut notices = Notices::default();
     let spectral = bands::unite(&mut changed, limits, &mut notices)?;
@@ -80,6 +71,24 @@ pub fn combine(components: &[Component], limits: &Limits, watch: StageWatch<'_>)
     let model = together(changed, common, spectral, notices)?;
     watch.step(1.0)?;
     Ok(model)
+}
+
+/// A component, changed. `numbers`: those on the surfaces so far; they are bounded before there are more.
+fn made(component: &Component, limits: &Limits, numbers: &mut usize) -> Result<Changed, Error> {
+    let mut own = Changed::new(component, limits)?;
+    let given = component.change.spectrum.as_ref().map(|table| Ok((table, spectrum::bands(table)?))).transpose()?;
+    let columns = given.as_ref().map_or(own.vertices.column_count, |(_, bands)| bands.len() + 1);
+    *numbers = numbers.saturating_add(own.sites().saturating_mul(columns.max(1)));
+    if *numbers > limits.max_tally_values {
+        let found = format!("The models together have {numbers} numbers on their surfaces, more than are written.");
+        let remedy = "Combine fewer models, or models with wider bands or a spectrum over fewer wavelengths.";
+        return Err(Error::refused("combination.too_large", found, remedy));
+    }
+    if let Some((table, bands)) = given {
+        spectrum::give(&mut own, table, bands)?;
+    }
+    own.scale(component.change.factor(&own.total.flux)?);
+    Ok(own)
 }
 
 /// A volume has one goniogram and one lattice, and is the model: it cannot stand beside something else.
@@ -120,7 +129,7 @@ fn together(
     if !is_alone {
         sum.zones.iter_mut().for_each(|zone| zone.place = None);
     }
-    let rays = origins.iter().map(|origin| origin.rays_used).sum();
+    let rays = origins.iter().fold(0_u64, |sum, origin| sum.saturating_add(origin.rays_used));
     let flux = total.flux;
     let surface = surface(sum.triangles, sum.vertices, rays, flux);
     // Of the zones of a vertex, the one with the largest weight.

@@ -37,21 +37,17 @@ impl Efficacy {
 /// Gives all light of a model the spectrum of `table`: its W stay, where they are known, and its lm follow; of a model that knows only lm, these
 /// stay.
 ///
+/// `bands`: those of [`bands`].
+///
 /// # Errors
 /// [`Error::Unusable`] where a spectrum without visible light is to make W of lm.
-pub fn give(component: &mut Changed, table: &Table) -> Result<(), Error> {
+pub fn give(component: &mut Changed, table: &Table, bands: Bands) -> Result<(), Error> {
     let efficacy = Efficacy { lm_per_w: table.lm_per_w(), has_radiant: component.knows[0] };
     if !efficacy.has_radiant && efficacy.lm_per_w <= 0.0 {
         let found = "The spectrum has no visible light, and the model knows only its lm.";
         let (place, remedy) = (Place::Asked("spectrum"), "Give the spectrum of the light that the lm are of.");
         return Err(Error::invalid_declaration("combination.change", place, found, remedy));
     }
-    let range_nm = wider(Some(VISIBLE_NM), Some(table.range_nm()));
-    let bands = range_nm.and_then(|(from, to)| Bands::regular(from, to, STEP_NM)).ok_or_else(|| {
-        let found = "The spectrum reaches over more wavelengths than bands of 10 nm can hold.";
-        let (place, remedy) = (Place::Asked("spectrum"), "Cut the spectrum to where its light is.");
-        Error::invalid_declaration("combination.change", place, found, remedy)
-    })?;
     let shares = table.shares(&bands);
     let nodes = component.volume.as_mut().map(|volume| &mut volume.nodes);
     for sites in [&mut component.vertices].into_iter().chain(nodes) {
@@ -74,6 +70,19 @@ pub fn give(component: &mut Changed, table: &Table) -> Result<(), Error> {
     component.knows = [true, true];
     component.origin.spectrum = "table";
     Ok(())
+}
+
+/// The bands of a model whose light has the spectrum of `table`.
+///
+/// # Errors
+/// [`Error::Unusable`] where they would be too many.
+pub fn bands(table: &Table) -> Result<Bands, Error> {
+    let range_nm = wider(Some(VISIBLE_NM), Some(table.range_nm()));
+    range_nm.and_then(|(from, to)| Bands::regular(from, to, STEP_NM)).ok_or_else(|| {
+        let found = "The spectrum reaches over more wavelengths than bands of 10 nm can hold.";
+        let (place, remedy) = (Place::Asked("spectrum"), "Cut the spectrum to where its light is.");
+        Error::invalid_declaration("combination.change", place, found, remedy)
+    })
 }
 
 /// W in each band, and what lies outside of all.

@@ -7,6 +7,7 @@ use super::extract::Body;
 use super::job::find;
 use super::problem::Problem;
 use super::rays::model_files;
+use super::upload_request::MAX_NAME_CHARS;
 use crate::accounts::access::Access;
 use crate::jobs::request::{SpectrumChoice, TotalFlux};
 use crate::models::combination::{Made, Wanted};
@@ -20,6 +21,8 @@ use utoipa::ToSchema;
 
 /// Most models in one request.
 const MOST_MODELS: usize = 8;
+/// Most turns of a model.
+const MOST_TURNS: usize = 16;
 /// Name of the answer.
 const NAME: &str = "model.zip";
 
@@ -116,6 +119,7 @@ pub async fn combine(
     if !(1..=MOST_MODELS).contains(&new.models.len()) {
         return Err(Problem::out_of_range("models", "from 1 to 8 models"));
     }
+    in_range(&new)?;
     let mut wanted = Vec::with_capacity(new.models.len());
     for model in new.models {
         let change = model.change(spectrum(&api, &access, model.spectrum.as_ref()).await?)?;
@@ -135,6 +139,18 @@ pub async fn combine(
         Made::TooLong => Err(Problem::combination_too_long()),
         Made::Stopping => Err(Problem::draining()),
     }
+}
+
+fn in_range(new: &NewCombination) -> Result<(), Problem> {
+    for (index, model) in new.models.iter().enumerate() {
+        if model.name.as_ref().is_some_and(|name| name.is_empty() || name.chars().count() > MAX_NAME_CHARS) {
+            return Err(Problem::out_of_range(&format!("models[{index}].name"), "1 to 255 characters long"));
+        }
+        if model.turns.as_ref().is_some_and(|turns| turns.len() > MOST_TURNS) {
+            return Err(Problem::out_of_range(&format!("models[{index}].turns"), "a list of at most 16 turns"));
+        }
+    }
+    Ok(())
 }
 
 /// The spectrum that a model is to get.

@@ -11,6 +11,9 @@ use tokio_util::sync::CancellationToken;
 /// Most bytes of the files of all models together.
 const MOST_BYTES: u64 = 64 << 20;
 
+/// Most spectral numbers of all models together: 64 MB.
+const MOST_NUMBERS: usize = 1 << 23;
+
 /// A model that goes in.
 pub struct Wanted {
     /// `emitter.glb` and `goniograms.json`.
@@ -57,7 +60,8 @@ impl Models {
         let watch = self.watch(gone);
         let work = move || {
             let _place = place;
-            let made = pipeline::combine(&components, &Options::default(), &Limits::default(), &watch);
+            let limits = Limits { max_tally_values: MOST_NUMBERS, ..Limits::default() };
+            let made = pipeline::combine(&components, &Options::default(), &limits, &watch);
             let zip = made.and_then(|outcome| pipeline::artifacts::zip(&outcome.artifacts));
             (zip, AtomicBool::into_inner(watch.is_late))
         };

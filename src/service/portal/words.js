@@ -312,8 +312,9 @@ export const words = {
     alike: "The light has one colour in all directions.",
     chart: "Distance of the colour from that of the whole source, by direction",
     unit: "Δu′v′ (CIE 1976)",
-    why: "0.001 is hardly seen, 0.007 by most. Shown where the intensity is a tenth of its peak and more; the ribbon has the colours of C0–C180.",
-    ribbon: "Colours along C0–C180",
+    why: "0.001 is hardly seen, 0.007 by most. Shown where the intensity is a tenth of its peak and more; the ribbon has the colours of the first curve.",
+    aside: "In the planes C0–C180 and C90–C270 there is too little light to tell its colour: less than a tenth of the peak.",
+    ribbon: (plane) => `Colours along ${plane}`,
   },
 
   compare: {

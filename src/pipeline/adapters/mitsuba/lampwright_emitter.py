@@ -119,6 +119,7 @@ class Lampwright(mi.Emitter):
         order = order[flux.ravel()[order] > 0]
         sorted_zone, sorted_flux = zone.ravel()[order], flux.ravel()[order]
         self.zone_flux = np.bincount(sorted_zone, sorted_flux, count)
+        self.brightest = int(np.argmax(self.zone_flux))
         ends = np.searchsorted(sorted_zone, np.arange(count), "right")
         sums = np.cumsum(sorted_flux)
         begins = np.concatenate(([0], ends[:-1]))
@@ -241,17 +242,18 @@ class Lampwright(mi.Emitter):
         def step(zone, picked, x, total):
             weight = self.zone_weight(zone, p)
             total += weight
-            share = weight / total
+            # Before the first zone that sends anything there the sum is 0.
+            share = dr.select(total > 0, weight / dr.maximum(total, 1e-30), 0)
             is_picked = x < share
             x = dr.select(is_picked, x / dr.maximum(share, 1e-30), (x - share) / dr.maximum(1 - share, 1e-7))
             return zone + 1, dr.select(is_picked, zone, picked), dr.clip(x, 0, 0.99999994), total
 
-        start = (mi.UInt32(0), mi.UInt32(0), mi.Float(x), mi.Float(0))
+        start = (mi.UInt32(0), mi.UInt32(self.brightest), mi.Float(x), mi.Float(0))
         _, picked, x, total = dr.while_loop(start, lambda zone, *_: zone < self.zones, step)
         return picked, x, total
 
     def zone_share(self, zone, p, total, active):
-        return mi.Float(1) if self.zones == 1 else self.zone_weight(zone, p, active) / total
+        return mi.Float(1) if self.zones == 1 else self.zone_weight(zone, p, active) / dr.maximum(total, 1e-30)
 
     def draw(self, p, sample, active):
         """A triangle and the shares of its corners, for light that goes to `p`; and the sum of the weights of all zones."""
