@@ -12,9 +12,15 @@ use glam::{DMat3, DQuat, DVec3};
 
 /// What each file is, by the beginning of its name.
 const MEANINGS: [(&str, &str); 10] = [
-    ("emitter.glb", "the surface: glTF 2.0 binary, metres, Y up; flux, spectra and zone of every vertex"),
+    (
+        "emitter.glb",
+        "the surface, and the volume where there is one: glTF 2.0 binary, metres, Y up; flux, spectra and zones of every vertex",
+    ),
     ("goniograms.json", "the angles: intensity of every zone and of the whole source, with spectra"),
-    ("ies/", "the same luminous intensities as IES LM-63 and EULUMDAT, a file for each zone and one for the whole"),
+    (
+        "ies/",
+        "the same luminous intensities as IES LM-63 and EULUMDAT: of the whole, and of each zone, of many zones the brightest",
+    ),
     ("spectra.csv", "spectral flux of the whole source and of each zone, W/nm"),
     ("plots/polar", "polar curves"),
     ("plots/zones", "where the zones lie"),
@@ -105,21 +111,25 @@ pub fn artifact(model: &Model, notices: &[Notice], names: &[&str]) -> Artifact {
         "         emitter.glb: (x, z, -y)/1000 of it, metres, Y up".to_owned(),
         "Units    in every key and column name; lm = 683 V(lambda) W, CIE 1924".to_owned(),
         String::new(),
-        "Radiance of a surface point x in direction w at wavelength lambda:".to_owned(),
-        "    L = M(x, lambda) q(w; x, lambda) / |cos theta|".to_owned(),
-        "M is the interpolated exitance (emitter.glb), q the zone's normalised goniogram (goniograms.json).".to_owned(),
     ];
     lines.splice(3..3, models(model));
     if let Some(volume) = &model.volume {
         lines.extend([
             format!(
-                "The light is put in a volume ({} nodes, the points of emitter.glb); then that is the model:",
+                "The light is put in a volume ({} nodes, the points of emitter.glb), and that is the model:",
                 volume.nodes.len()
             ),
             "    L = q(w; lambda) times the integral of j(s, lambda) ds along the line".to_owned(),
             "j is a node's flux over its volume, trilinear between nodes; q the normalised total goniogram.".to_owned(),
+            "For programs that know only surfaces the same light is on the surface, nearly as it is seen from afar."
+                .to_owned(),
         ]);
     }
+    lines.extend([
+        "Radiance of a surface point x in direction w at wavelength lambda:".to_owned(),
+        "    L = M(x, lambda) q(w; x, lambda) / |cos theta|".to_owned(),
+        "M is the interpolated exitance (emitter.glb), q the zone's normalised goniogram (goniograms.json).".to_owned(),
+    ]);
     lines.push(String::new());
     if let Some(study) = &model.study {
         lines.extend(proof(study));

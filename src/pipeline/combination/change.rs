@@ -109,9 +109,14 @@ impl Change {
         if factor > 0.0 && is_written(&flux.radiant_w) && is_written(&flux.luminous_lm) {
             return Ok(factor);
         }
-        let field = if matches!(self.strength, Some(Strength::Flux(_))) { "flux" } else { "scale" };
         let remedy = "Give a positive factor or flux, such that the flux lies between 1e-20 and 1e20.";
-        Err(unusable(field, format!("The flux would be {factor} times what it is."), remedy))
+        Err(match self.strength {
+            Some(Strength::Flux(total)) => {
+                let found = format!("The flux is to be {} {}.", total.value(), total.quantity().unit());
+                unusable("flux", found, remedy)
+            }
+            _ => unusable("scale", format!("The flux is to be {factor} times what it is."), remedy),
+        })
     }
 }
 

@@ -48,7 +48,7 @@ pub fn bytes(answer: &Answer) -> Result<Vec<u8>, Error> {
     let bound = answer.channels.iter().flat_map(|channel| &channel.bounds).copied().fold(0.0, f64::max);
     let mut told = format!("{quantity}, at most {} {unit}", text(largest, 4));
     if answer.channels.len() == 1 {
-        told.push_str(&format!("   ·   error against the model at most {} {unit}", text(bound, 2)));
+        told.push_str(&format!("   ·   error against the model at most {} {unit}", text(no_less(bound), 2)));
     }
     let height = CORNER[1] + size[1].max(BAR + 30.0) + 70.0;
     let mut svg = Svg::sheet(CORNER[0] + size[0] + 150.0, height, &one_line(&answer.model, 64), &told);
@@ -167,4 +167,10 @@ fn ticks(svg: &mut Svg, axis: &Axis, size: [f64; 2], is_across: bool) {
     } else {
         svg.label(left - 60.0, top - 12.0, 12.0, Anchor::Start, INK, axis.name);
     }
+}
+
+/// A bound with two digits that is not below it.
+fn no_less(bound: f64) -> f64 {
+    let step = 10f64.powf(bound.log10().floor() - 1.0);
+    if step > 0.0 && step.is_finite() { (bound / step).ceil() * step } else { bound }
 }
