@@ -76,7 +76,8 @@ pub fn combine(components: &[Component], limits: &Limits, watch: StageWatch<'_>)
 /// A component, changed. `numbers`: those on the surfaces so far; they are bounded before there are more.
 fn made(component: &Component, limits: &Limits, numbers: &mut usize) -> Result<Changed, Error> {
     let mut own = Changed::new(component, limits)?;
-    let given = component.change.spectrum.as_ref().map(|table| Ok((table, spectrum::bands(table)?))).transpose()?;
+    let with_bands = |table| spectrum::bands(table).map(|bands| (table, bands));
+    let given = component.change.spectrum.as_ref().map(with_bands).transpose()?;
     let columns = given.as_ref().map_or(own.vertices.column_count, |(_, bands)| bands.len() + 1);
     *numbers = numbers.saturating_add(own.sites().saturating_mul(columns.max(1)));
     if *numbers > limits.max_tally_values {

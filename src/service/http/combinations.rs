@@ -102,7 +102,7 @@ impl ChangedModel {
 #[utoipa::path(
     post, path = "/v1/combinations", tag = "artifacts", operation_id = "combine_models", request_body = NewCombination,
     responses(
-        (status = 200, content((inline(super::api::Binary) = "application/zip")), description = "the files of the whole"),
+        (status = 200, content((inline(super::api::Binary) = "application/zip"), (inline(super::api::Binary) = "application/octet-stream")), description = "the files of the whole"),
         (status = 400, body = Problem, content_type = "application/problem+json", description = "the body is not JSON"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job, or it has not succeeded"),
         (status = 413, body = Problem, content_type = "application/problem+json", description = "the body is too large"),
