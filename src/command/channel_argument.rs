@@ -117,7 +117,7 @@ fn start(path: &Path) -> Result<Vec<u8>, Failure> {
 }
 
 /// What an argument names, and its keys with their values. A comma that no key follows belongs to what stands before it.
-pub fn pieces(text: &str) -> Vec<(Option<&str>, String)> {
+fn pieces(text: &str) -> Vec<(Option<&str>, String)> {
     let mut pieces: Vec<(Option<&str>, String)> = Vec::new();
     for piece in text.split(',') {
         let key = piece.split_once('=').filter(|(key, _)| key.chars().all(|c| c.is_ascii_lowercase() || c == '_'));
@@ -136,17 +136,28 @@ pub fn pieces(text: &str) -> Vec<(Option<&str>, String)> {
 /// `blue.ray,length_unit=in,flux=1.2W`.
 pub fn channel(text: &str) -> Result<ChannelFile, String> {
     let mut channel = ChannelFile::default();
+    let path = path_and_keys(text, &KEYS, |key, value| channel.declare(key, value))?;
+    Ok(ChannelFile { path, ..channel })
+}
+
+/// The path that `text` begins with; `say` takes every key behind it, which is one of `keys`, and its value.
+pub fn path_and_keys(
+    text: &str,
+    keys: &[&str],
+    mut say: impl FnMut(&str, &str) -> Result<(), String>,
+) -> Result<PathBuf, String> {
+    let mut path = PathBuf::new();
     for (key, value) in pieces(text) {
         match key {
-            None => channel.path = PathBuf::from(value),
-            Some(key) if !KEYS.contains(&key) => {
-                return Err(format!("unknown key {key:?}; the keys are {}", KEYS.join(", ")));
+            None => path = PathBuf::from(value),
+            Some(key) if !keys.contains(&key) => {
+                return Err(format!("unknown key {key:?}; the keys are {}", keys.join(", ")));
             }
             Some(key) if value.is_empty() => return Err(format!("{key} is empty")),
-            Some(key) => channel.declare(key, &value)?,
+            Some(key) => say(key, &value)?,
         }
     }
-    Ok(channel)
+    Ok(path)
 }
 
 /// `1.2W` or `337lm`.

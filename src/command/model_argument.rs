@@ -1,6 +1,6 @@
 //! A model and what is changed of it, as one argument: `led,scale=0.5,turn=+X:180,move=0:0:5`.
 
-use super::channel_argument::{pieces, spectrum, total};
+use super::channel_argument::{path_and_keys, spectrum, total};
 use super::rays::files;
 use super::terminal::argument;
 use super::terminal::failure::Failure;
@@ -88,17 +88,8 @@ fn turn(text: &str) -> Result<Turn, String> {
 /// `led,scale=0.5,turn=+X:180`.
 pub fn model(text: &str) -> Result<ModelFile, String> {
     let mut model = ModelFile::default();
-    for (key, value) in pieces(text) {
-        match key {
-            None => model.path = PathBuf::from(value),
-            Some(key) if !KEYS.contains(&key) => {
-                return Err(format!("unknown key {key:?}; the keys are {}", KEYS.join(", ")));
-            }
-            Some(key) if value.is_empty() => return Err(format!("{key} is empty")),
-            Some(key) => model.say(key, &value)?,
-        }
-    }
-    Ok(model)
+    let path = path_and_keys(text, &KEYS, |key, value| model.say(key, value))?;
+    Ok(ModelFile { path, ..model })
 }
 
 #[cfg(test)]
