@@ -25,3 +25,10 @@ pub struct Artifact {
     /// Content.
     pub bytes: Vec<u8>,
 }
+
+impl Artifact {
+    /// A text file.
+    pub fn text(name: &str, media_type: &'static str, text: impl Into<String>) -> Artifact {
+        Artifact { name: name.to_owned(), media_type, bytes: text.into().into_bytes() }
+    }
+}

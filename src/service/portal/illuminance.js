@@ -5,7 +5,7 @@ import { command, curl } from "./command.js";
 import { announce, button, field, h, name, problem, put, select } from "./dom.js";
 import { Evaluation, evaluations } from "./evaluation.js";
 import { graph } from "./graph.js";
-import { coordinate, measured, percent, prefixed, significant, typed } from "./numbers.js";
+import { ceiling, coordinate, measured, percent, prefixed, significant, typed } from "./numbers.js";
 import { LEVELS, Lit, Plane, STEPS } from "./plane.js";
 import { words } from "./words.js";
 
@@ -264,11 +264,4 @@ export class Illuminance {
     await this.evaluation.save(this.question, form, `${this.title} ${words.plane.file(this.plane.distance)}.${form}`.replaceAll("/", "-"))
       .catch((error) => put(this.failed, problem(error)));
   }
-}
-
-/** The next round number: 1 to 10 in halves. */
-function ceiling(value) {
-  if (!(value > 0)) return 0;
-  const step = 10 ** Math.floor(Math.log10(value)) / 2;
-  return Math.ceil(value / step - 1e-9) * step;
 }

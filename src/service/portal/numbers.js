@@ -79,3 +79,10 @@ export function quantity(mode, isLuminous) {
   if (mode === "exitance") return isLuminous ? { factor: 1, unit: "lm/mm²" } : { factor: 1, unit: "W/mm²" };
   return isLuminous ? { factor: 1e6, unit: "cd/m²" } : { factor: 1, unit: "W/(mm² sr)" };
 }
+
+/** The next round number: 1 to 10 in halves. */
+export function ceiling(value) {
+  if (!(value > 0)) return 0;
+  const step = 10 ** Math.floor(Math.log10(value)) / 2;
+  return Math.ceil(value / step - 1e-9) * step;
+}

@@ -7,7 +7,7 @@ import { Camera } from "./camera.js";
 import { intensities } from "./facts.js";
 import { meets } from "./lamp.js";
 import { Picture } from "./picture.js";
-import { coordinate, measured, prefixed, quantity, significant } from "./numbers.js";
+import { ceiling, coordinate, measured, prefixed, quantity, significant } from "./numbers.js";
 import { intensityAt, peakOf } from "./solid.js";
 import { words } from "./words.js";
 
@@ -197,9 +197,7 @@ export class View {
     for (let k = this.component(); k < all.length; k += 4) if (all[k] > 0) lit.push(all[k]);
     if (!lit.length) return null;
     const sorted = Float32Array.from(lit).sort();
-    const high = sorted[Math.floor(0.995 * (sorted.length - 1))];
-    const step = 10 ** Math.floor(Math.log10(high)) / 2;
-    return Math.ceil(high / step) * step;
+    return ceiling(sorted[Math.floor(0.995 * (sorted.length - 1))]);
   }
 
   /** From where it is seen, and the scale. Changes of a page cost more than the picture: only what differs is changed. */

@@ -11,10 +11,9 @@ use crate::writing::Artifact;
 /// As [`arrays::artifact`].
 pub fn files(surface: &Surface<'_>, name: &str) -> Result<Vec<Artifact>, Error> {
     let readme = include_str!("README.txt").replace("{name}", name).replace("{unit}", surface.unit());
-    let text = |name: &str, media_type, text: &str| Artifact { name: name.to_owned(), media_type, bytes: text.into() };
     Ok(vec![
-        text("README.txt", "text/plain", &readme),
-        text("lampwright_blender.py", "text/x-python", include_str!("lampwright_blender.py")),
+        Artifact::text("README.txt", "text/plain", readme),
+        Artifact::text("lampwright_blender.py", "text/x-python", include_str!("lampwright_blender.py")),
         arrays::artifact(surface)?,
     ])
 }

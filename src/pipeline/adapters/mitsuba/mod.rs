@@ -15,12 +15,11 @@ const CORNERS: [[f32; 2]; 3] = [[0.1, 0.1], [0.9, 0.1], [0.1, 0.9]];
 /// As [`arrays::artifact`].
 pub fn files(surface: &Surface<'_>, name: &str) -> Result<Vec<Artifact>, Error> {
     let readme = include_str!("README.txt").replace("{name}", name).replace("{unit}", surface.unit());
-    let text = |name: &str, media_type, text: &str| Artifact { name: name.to_owned(), media_type, bytes: text.into() };
     let ply = Artifact { name: "surface.ply".to_owned(), media_type: "application/octet-stream", bytes: ply(surface) };
     Ok(vec![
-        text("README.txt", "text/plain", &readme),
-        text("lampwright_emitter.py", "text/x-python", include_str!("lampwright_emitter.py")),
-        text("scene.py", "text/x-python", include_str!("scene.py")),
+        Artifact::text("README.txt", "text/plain", readme),
+        Artifact::text("lampwright_emitter.py", "text/x-python", include_str!("lampwright_emitter.py")),
+        Artifact::text("scene.py", "text/x-python", include_str!("scene.py")),
         ply,
         arrays::artifact(surface)?,
     ])

@@ -32,8 +32,7 @@ const STEPS: f64 = 500.0;
 pub fn files(surface: &Surface<'_>, name: &str) -> Vec<Artifact> {
     let rgb = scaled(surface);
     let light = sources(surface, &rgb, SOURCES);
-    let text =
-        |name: &str, text: String| Artifact { name: name.to_owned(), media_type: "text/plain", bytes: text.into() };
+    let text = |name: &str, text: String| Artifact::text(name, "text/plain", text);
     let near = plain_text(NEAR * mean_reach_mm(&light), 2);
     let readme = include_str!("README.txt").replace("{name}", name).replace("{sources}", &light.len().to_string());
     let readme = readme.replace("{near}", &near).replace("{unit}", surface.unit());
