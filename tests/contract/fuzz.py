@@ -37,7 +37,7 @@ def seed(service, folder):
 
 
 def fuzz(keys, cases, seed_number, others):
-    """Whether all checks passed, and what schemathesis said."""
+    """Whether all checks passed, and what schemathesis said; with the errors the service logged where they did not."""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "fuzz"
         with Service(Path(place) / "service", keys) as service:
@@ -57,7 +57,8 @@ def fuzz(keys, cases, seed_number, others):
             said = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
             done = subprocess.run([str(word) for word in command], cwd=folder, env=environment, **said)
             assert service.lives(), f"the service ended\n{done.stdout}"
-            return done.returncode == 0, done.stdout
+            passed = done.returncode == 0
+            return passed, done.stdout if passed else done.stdout + service.errors()
 
 
 if __name__ == "__main__":

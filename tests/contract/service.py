@@ -65,6 +65,11 @@ class Service:
     def lives(self):
         return self.process.poll() is None
 
+    def errors(self):
+        """The errors in its log, one a line."""
+        lines = (self.folder / "log").read_text().splitlines()
+        return "".join(f"log: {line}\n" for line in lines if " ERROR " in line)
+
     def ask(self, method, path, body=None, media_type="application/json", more=()):
         """What a request that must succeed answers, as JSON, or else where it leads; None for nothing."""
         headers = dict(more) | ({"Authorization": f"Bearer {self.key}"} if self.key else {})
