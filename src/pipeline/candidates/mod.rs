@@ -15,7 +15,8 @@ mod verification;
 
 use crate::error::Error;
 use crate::flux::project::Projector;
-use crate::hull::focal::{FocalPatch, Symmetry};
+use crate::hull::focal::FocalPatch;
+use crate::hull::symmetry::Symmetry;
 use crate::hull::{Carrier, Cloud};
 use crate::model::Model;
 use crate::model::evaluation::Evaluator;

@@ -1,6 +1,7 @@
 //! The part of a surface that is lit: the rectangle that holds nearly all of the flux that meets it.
 
-use crate::hull::focal::{FocalPatch, FocalSurface, Symmetry};
+use crate::hull::focal::{FocalPatch, FocalSurface};
+use crate::hull::symmetry::Symmetry;
 use crate::source::Ray;
 use crate::vocabulary::space::Bounds;
 use glam::DVec2;

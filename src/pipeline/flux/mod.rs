@@ -18,6 +18,7 @@ pub use balance::Balance;
 pub use tally::Amounts;
 
 use crate::error::Error;
+use crate::hull::images::Images;
 use crate::hull::{Cloud, Hull};
 use crate::source::Ray;
 use crate::vocabulary::limits::Limits;
@@ -80,6 +81,8 @@ pub fn project<L: FnMut(&Ray, Option<&Landing>, &Deposit)>(
     let fates = Tally::new(&quanta, FATES, Kept::Fluxes, limits)?;
     // The part of a ray's flux that each of its images has.
     let part = 1.0 / cloud.images() as f64;
+    let images = Images::of(hull);
+    let image_count = images.as_ref().map_or(1, Images::count);
     let lay = |rays: &[Ray]| {
         let (mut triangles, mut vertices, mut laid) = (triangles.adding(), vertices.adding(), begin());
         let mut met = [Deposit::default(); FATES];
@@ -90,8 +93,9 @@ pub fn project<L: FnMut(&Ray, Option<&Landing>, &Deposit)>(
             squares[1] += part * ray.luminous_lm * ray.luminous_lm;
             projector.land_images(ray, |image, landing| {
                 laid(image, landing.as_ref(), &deposit);
-                let Some(landing) = landing else { return met[REJECTED].gather(&deposit) };
-                met[if landing.fate == Fate::Hit { HIT } else { SNAPPED }].gather(&deposit);
+                let Some(landing) = landing else { return met[REJECTED].gather(&deposit, 1) };
+                let times = landing.image.map_or(1, |_| image_count as u64);
+                met[if landing.fate == Fate::Hit { HIT } else { SNAPPED }].gather(&deposit, times);
                 triangles.add(landing.triangle, &deposit);
                 for (vertex, part) in hull.triangles[landing.triangle].iter().zip(deposit.split(landing.shares)) {
                     vertices.add(*vertex as usize, &part);
@@ -105,7 +109,13 @@ pub fn project<L: FnMut(&Ray, Option<&Landing>, &Deposit)>(
     let add = |sums: &mut [f64; 2], more: [f64; 2]| sums.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
     let squares = cloud.fold(watch.part(0.0, 0.9), [0.0; 2], lay, add)?;
     let ray = typical_ray(&cloud.flux(), squares);
-    let (triangles, mut vertices) = (triangles.amounts(), vertices.amounts());
+    let (triangles, mut vertices) = match &images {
+        Some(images) => (
+            triangles.spread(hull.triangles.len(), |site, add| images.of_triangle(site).for_each(add)).amounts(),
+            vertices.spread(hull.vertices_mm.len(), |site, add| images.of_vertex(site).for_each(add)).amounts(),
+        ),
+        None => (triangles.amounts(), vertices.amounts()),
+    };
     let mut balance = account(cloud, &fates.amounts(), &triangles, &vertices);
     if options.smooths() {
         watch.step(0.9)?;
@@ -153,4 +163,60 @@ fn notices(balance: &Balance) -> Notices {
         notices.count("flux.rejected", balance.rejected.rays, None, message);
     }
     notices
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hull::focal::{FocalPatch, FocalSurface};
+    use crate::hull::sheet;
+    use crate::hull::symmetry::Symmetry;
+    use glam::{DVec2, DVec3};
+
+    /// What rays leave at triangles and vertices where each of their images is landed, and where one stands for all.
+    #[test]
+    fn one_in_the_sector_stands_for_all_images() {
+        for (symmetry, cells, curvature) in
+            [(Symmetry::TwoMirrors, [8, 6], 0.0), (Symmetry::FourMirrors, [10, 10], -0.7)]
+        {
+            let axis = DVec3::new(0.3, -0.4, 0.8).normalize();
+            let surface = FocalSurface::new(DVec3::new(1.0, 2.0, -0.5), axis, curvature);
+            let (min_mm, max_mm) = (DVec2::new(-0.6, -0.4), DVec2::new(0.6, 0.4));
+            let patch = FocalPatch { surface, min_mm, max_mm, lit_mm2: 1.0, symmetry: Symmetry::None }.with(symmetry);
+            let hull = sheet::of_grid(patch, cells, &vec![true; cells[0] * cells[1]]);
+            let (images, projector) = (Images::of(&hull).unwrap(), Projector::new(&hull));
+            assert_eq!(images.count(), symmetry.images());
+            let (mut once, mut each) =
+                ([vec![0.0; hull.triangles.len()], vec![0.0; hull.vertices_mm.len()]], [vec![], vec![]]);
+            each.clone_from(&once);
+            for k in 1..2000 {
+                let [x, y, z, w] = [2f64, 3.0, 5.0, 7.0].map(|prime| (f64::from(k) * prime.sqrt()).fract() - 0.5);
+                let at_mm = 0.8 * x * surface.axes.x_axis + 0.6 * y * surface.axes.y_axis;
+                let direction = (axis + DVec3::new(z, w, 0.0)).normalize();
+                let origin_mm = surface.apex_mm + at_mm - direction;
+                let ray = Ray { origin_mm, direction, radiant_w: 1.0, luminous_lm: 0.0, column: 0, xz_lm: [0.0; 2] };
+                let mut told = 0;
+                projector.land_images(&ray, |_, landing| {
+                    let landing = landing.unwrap();
+                    told += 1;
+                    assert!(landing.image.is_some());
+                    images.of_triangle(landing.triangle).for_each(|image| once[0][image] += 1.0);
+                    for (vertex, share) in hull.triangles[landing.triangle].iter().zip(landing.shares) {
+                        assert!(images.is_in_sector(*vertex as usize) && images.is_on_grid(*vertex as usize));
+                        images.of_vertex(*vertex as usize).for_each(|image| once[1][image] += share);
+                    }
+                });
+                assert_eq!(told, 1);
+                for image in patch.images(&[ray]) {
+                    let landing = projector.land(&image).unwrap();
+                    each[0][landing.triangle] += 1.0;
+                    for (vertex, share) in hull.triangles[landing.triangle].iter().zip(landing.shares) {
+                        each[1][*vertex as usize] += share;
+                    }
+                }
+            }
+            assert_eq!(once[0], each[0], "{symmetry:?}");
+            assert!(once[1].iter().zip(&each[1]).all(|(a, b)| (a - b).abs() < 1e-9), "{symmetry:?}");
+        }
+    }
 }

@@ -34,11 +34,13 @@ pub struct Landing {
     pub shares: [f64; 3],
     /// How it came there.
     pub fate: Fate,
+    /// Of a ray that stands for all of its mirror images: the number of the image that landed here. The others lie at the images of this place.
+    pub image: Option<usize>,
 }
 
 impl Landing {
-    fn of_grid((triangle, shares): (usize, [f64; 3])) -> Landing {
-        Landing { triangle, shares, fate: Fate::Hit }
+    fn hit((triangle, shares): (usize, [f64; 3])) -> Landing {
+        Landing { triangle, shares, fate: Fate::Hit, image: None }
     }
 }
 
@@ -71,19 +73,25 @@ impl<'a> Projector<'a> {
 
     /// Where `ray` lands; `None` when it is rejected.
     pub fn land(&self, ray: &Ray) -> Option<Landing> {
-        let on_grid = self.focal.and_then(|grid| grid.land(ray)).map(Landing::of_grid);
+        let on_grid = self.focal.and_then(|grid| grid.land(ray)).map(Landing::hit);
         on_grid.or_else(|| self.land_off_grid(ray))
     }
 
-    /// Tells `each` where the mirror images of `ray` land that the light has, itself the first. Those of a ray that is slid to the grid
-    /// lie at the images of its place.
+    /// Tells `each` where `ray` lands, of a symmetric light all of its mirror images: one that stands for all where the ray is slid to the
+    /// grid ([`Landing::image`]), else each of them.
     pub fn land_images(&self, ray: &Ray, mut each: impl FnMut(&Ray, Option<Landing>)) {
         let Some(grid) = self.focal.filter(|grid| grid.images() > 1) else { return each(ray, self.land(ray)) };
-        let place = grid.place_of(ray);
+        let on_grid = grid.place_of(ray).and_then(|place| {
+            let number = grid.into_sector(place);
+            let landing = Landing::hit(grid.land_at(grid.image_of_place(number, place))?);
+            Some(Landing { image: Some(number), ..landing })
+        });
+        if on_grid.is_some() {
+            return each(ray, on_grid);
+        }
         for number in 0..grid.images() {
             let image = grid.image(number, ray);
-            let on_grid = place.and_then(|place| grid.land_at(grid.image_of_place(number, place)));
-            each(&image, on_grid.map(Landing::of_grid).or_else(|| self.land_off_grid(&image)));
+            each(&image, self.land_off_grid(&image));
         }
     }
 
@@ -92,8 +100,7 @@ impl<'a> Projector<'a> {
         if self.facets.is_empty() {
             return None;
         }
-        let hit =
-            |crossing: Crossing| Landing { triangle: crossing.triangle, shares: crossing.shares(), fate: Fate::Hit };
+        let hit = |crossing: Crossing| Landing::hit((crossing.triangle, crossing.shares()));
         let landing = self.crossing(ray).map(hit).or_else(|| self.snap(ray.origin_mm))?;
         Some(Landing { triangle: self.first + landing.triangle, ..landing })
     }
@@ -188,6 +195,7 @@ impl<'a> Projector<'a> {
             triangle,
             shares: barycentric(self.facets[triangle].corners_mm(), nearest_mm),
             fate: Fate::Snapped,
+            image: None,
         })
     }
 }

@@ -20,7 +20,7 @@ const TOTAL_BITS: i32 = 61;
 /// Tristimulus X and Z may exceed Y (the total) by up to 2^this: z̄/ȳ of any wavelength above 400 nm.
 const TRISTIMULUS_BITS: i32 = 8;
 /// Values in front of the columns of a site: rays, radiant, luminous.
-const FIXED: usize = 3;
+pub const FIXED: usize = 3;
 /// Most columns one ray deposits into.
 const MOST_COLUMNS: usize = 3;
 
@@ -43,7 +43,8 @@ impl Quanta {
         Quanta { per_image: 1.0 / cloud.images() as f64, ..quanta }
     }
 
-    fn new(spectral: Spectral, flux: Flux) -> Quanta {
+    /// Quanta for rays of one quantity or both that sum to `flux`, each whole.
+    pub fn new(spectral: Spectral, flux: Flux) -> Quanta {
         let per = |total: Option<f64>| match total {
             Some(total) if total > 0.0 && total.is_finite() => 2f64.powi(TOTAL_BITS - 1 - total.log2().ceil() as i32),
             // Known to be nothing (lumens of infrared), or unknown: every amount is 0 of any quantum.
@@ -84,9 +85,9 @@ pub struct Deposit {
 }
 
 impl Deposit {
-    /// Adds the count and fluxes of `other`, not its spectrum: for sums that a thread keeps to itself.
-    pub fn gather(&mut self, other: &Deposit) {
-        self.fixed.iter_mut().zip(other.fixed).for_each(|(sum, amount)| *sum += amount);
+    /// Adds the count and fluxes of `other` so many `times`, not its spectrum: for sums that a thread keeps to itself.
+    pub fn gather(&mut self, other: &Deposit, times: u64) {
+        self.fixed.iter_mut().zip(other.fixed).for_each(|(sum, amount)| *sum += times * amount);
     }
 
     /// Splits by `shares` (not negative, sum 1) without losing a quantum: the last part takes what the others leave.
@@ -183,27 +184,48 @@ impl Tally {
         Adding { tally: self, own: idle.unwrap_or_else(|| vec![0; own]) }
     }
 
-    /// The sums, in W and lm.
-    pub fn amounts(self) -> Amounts {
+    /// The sums at `sites` other sites: what was added at each of these stands at every one that `images` tells of it.
+    #[must_use]
+    pub fn spread(self, sites: usize, images: impl Fn(usize, &mut dyn FnMut(usize))) -> Tally {
+        let width = self.fixed + self.column_count;
+        let mut values = vec![0; sites * width];
+        let (quanta, fixed, column_count) = (self.quanta.clone(), self.fixed, self.column_count);
+        for (site, row) in self.sums().chunks_exact(width.max(1)).enumerate() {
+            if row.iter().any(|amount| *amount != 0) {
+                images(site, &mut |image| {
+                    values[image * width..][..width].iter_mut().zip(row).for_each(|(sum, amount)| *sum += amount);
+                });
+            }
+        }
+        let count = values.len();
+        Tally { quanta, fixed, column_count, values: count, shared: Vec::new(), idle: Mutex::new(vec![values]) }
+    }
+
+    /// The sums of all threads, in quanta.
+    fn sums(self) -> Vec<u64> {
         let mut values: Vec<u64> = self.shared.into_iter().map(AtomicU64::into_inner).collect();
         values.resize(self.values, 0);
         for own in self.idle.into_inner().unwrap_or_else(PoisonError::into_inner) {
             values.iter_mut().zip(own).for_each(|(sum, amount)| *sum += amount);
         }
-        let rows = || values.chunks_exact((self.fixed + self.column_count).max(1));
+        values
+    }
+
+    /// The sums, in W and lm.
+    pub fn amounts(self) -> Amounts {
+        let (quanta, fixed, column_count) = (self.quanta.clone(), self.fixed, self.column_count);
+        let values = self.sums();
+        let rows = || values.chunks_exact((fixed + column_count).max(1));
         let scaled = |slot: usize, per_unit: f64| -> Vec<f64> {
-            let rows = rows().filter(|_| slot < self.fixed);
+            let rows = rows().filter(|_| slot < fixed);
             rows.map(|row| row[slot] as f64 / per_unit).collect()
         };
         Amounts {
             rays: scaled(0, RAY_QUANTA),
-            radiant_w: self.quanta.flux.radiant_w.map(|_| scaled(1, self.quanta.per_w)),
-            luminous_lm: self.quanta.flux.luminous_lm.map(|_| scaled(2, self.quanta.per_lm)),
-            columns: rows()
-                .flat_map(|row| &row[self.fixed..])
-                .map(|value| *value as f64 / self.quanta.per_column)
-                .collect(),
-            column_count: self.column_count,
+            radiant_w: quanta.flux.radiant_w.map(|_| scaled(1, quanta.per_w)),
+            luminous_lm: quanta.flux.luminous_lm.map(|_| scaled(2, quanta.per_lm)),
+            columns: rows().flat_map(|row| &row[fixed..]).map(|value| *value as f64 / quanta.per_column).collect(),
+            column_count,
         }
     }
 }

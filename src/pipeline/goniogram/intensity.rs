@@ -25,7 +25,7 @@ const RAYS_PER_CELL: f64 = 1.0;
 /// Step of C unless asked otherwise, degrees.
 const C_STEP_DEG: f64 = 5.0;
 /// Steps of γ and C of the zones of a wide beam to choose from, degrees: the finest is taken whose numbers are not too many.
-const WIDE_STEPS_DEG: [(f64, f64); 5] = [(2.5, 5.0), (3.0, 6.0), (3.6, 7.2), (4.5, 9.0), (5.0, 10.0)];
+const WIDE_STEPS_DEG: [(f64, f64); 5] = [(2.5, 5.0), (3.0, 6.0), (3.75, 7.5), (4.5, 9.0), (5.0, 10.0)];
 /// Most bytes of the intensities of all zones as text; of a cell that holds light, and of a dark one.
 const MOST_BYTES: f64 = 7e6;
 const LIT_BYTES: f64 = 20.0;

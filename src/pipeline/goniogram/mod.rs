@@ -14,6 +14,8 @@ pub mod zone;
 pub mod mixture;
 /// Directions to intensities.
 pub mod intensity;
+/// Mirror images in what is counted.
+mod images;
 /// What is counted in zones while rays land.
 mod counts;
 /// How wide the beam is, which decides how fine its grid must be.
@@ -31,6 +33,8 @@ use crate::error::Error;
 use crate::flux::Surface;
 use crate::flux::project::Landing;
 use crate::flux::tally::{Deposit, Quanta};
+use crate::hull::focal::FocalGrid;
+use crate::hull::images::Images;
 use crate::hull::{Carrier, Cloud, Hull};
 use crate::inspection::beam::brightest;
 use crate::inspection::sample::hash;
@@ -43,6 +47,7 @@ use ancestry::Ancestry;
 use beam::NarrowBeam;
 use counts::Counts;
 use glam::DVec3;
+use images::Groups;
 use intensity::{Grids, Measured};
 use mixture::Shares;
 use zone::Zoning;
@@ -130,14 +135,19 @@ pub fn plan(
     let spectrum = cloud.spectral();
     let bands = if spectrum.has_bands() { spectrum.bands.len() } else { 0 };
     let quanta = Quanta::of(cloud);
-    let counts = |zones: usize| {
+    let images = Images::of(hull);
+    let counts = |zones: usize, zone_of_vertex: &[u32]| {
         let grids = Grids::new(&cloud.source.survey.directions, &frame, options, zones, bands, narrow.as_ref());
-        Counts::new(&quanta, grids, zones, spectrum, limits)
+        let groups = Groups::new(zone_of_vertex, images.as_ref());
+        let maps = hull.focal.as_ref().map_or(&[][..], FocalGrid::maps);
+        Counts::new(&quanta, grids, zones, groups, (&frame, maps), spectrum, limits)
     };
     let (zone_count, kind_count) = (zoning.zones.len(), Ancestry::kinds(&zoning.family) as usize);
     let may_merge = options.smooths() && zoning.lattice.is_none() && kind_count < zone_count;
-    let kinds = may_merge.then(|| counts(kind_count)).transpose()?;
-    Ok(Plan { zones: counts(zone_count)?, kinds, zoning, narrow })
+    let kind_of_zone = |zone: &u32| zoning.family[*zone as usize].kind;
+    let kind_of_vertex = || zoning.zone_of_vertex.iter().map(kind_of_zone).collect::<Vec<u32>>();
+    let kinds = may_merge.then(|| counts(kind_count, &kind_of_vertex())).transpose()?;
+    Ok(Plan { zones: counts(zone_count, &zoning.zone_of_vertex)?, kinds, zoning, narrow })
 }
 
 /// What one thread adds to a [`Plan`].
@@ -154,11 +164,10 @@ impl Adding<'_> {
     pub fn add(&mut self, ray: &Ray, landing: &Landing, deposit: &Deposit) {
         let Plan { zoning, narrow, .. } = self.plan;
         let direction = narrow.as_ref().map_or(ray.direction, |beam| beam.shown(ray.direction, hash(!ray.hash())));
-        let (c, gamma) = zoning.frame.angles(direction);
-        let zones = self.hull.triangles[landing.triangle].map(|vertex| zoning.zone_of_vertex[vertex as usize]);
-        self.zones.add(zones, landing.shares, [c, gamma], deposit);
-        if let Some(kinds) = &mut self.kinds {
-            kinds.add(zones.map(|zone| zoning.family[zone as usize].kind), landing.shares, [c, gamma], deposit);
+        let angles = zoning.frame.angles(direction);
+        let corners = self.hull.triangles[landing.triangle];
+        for counts in [Some(&mut self.zones), self.kinds.as_mut()].into_iter().flatten() {
+            counts.add(corners, landing, direction, angles, deposit);
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Focal surfaces: a plane or a part of a sphere where the light is sharper than where the rays start. Rays are slid there along
 //! their lines, which changes no light outside. The surface is a regular grid, so a ray's cell is known without a search.
 
+use super::symmetry::Symmetry;
 use crate::source::Ray;
 use glam::{DMat3, DVec2, DVec3};
 
@@ -82,57 +83,6 @@ impl FocalSurface {
             (at_mm * (1.0 - square / 4.0).sqrt()).extend(0.5 * square / self.curvature_per_mm)
         };
         self.apex_mm + self.axes * at_mm
-    }
-}
-
-/// Mirror planes through the axis of a focal surface that the light has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Symmetry {
-    /// None that is known.
-    None,
-    /// Two, across each other.
-    TwoMirrors,
-    /// Four, 45° apart: those of a square; a round source has these too.
-    FourMirrors,
-}
-
-impl Symmetry {
-    /// How many images of a ray there are, itself included: a power of two.
-    pub fn images(self) -> usize {
-        match self {
-            Symmetry::None => 1,
-            Symmetry::TwoMirrors => 4,
-            Symmetry::FourMirrors => 8,
-        }
-    }
-
-    /// Cells of a symmetric grid, `[y][x]`, where any image of a cell is marked.
-    pub fn spread(self, [columns, rows]: [usize; 2], mut marked: Vec<bool>) -> Vec<bool> {
-        let mut join = |image: &dyn Fn(usize, usize) -> (usize, usize)| {
-            marked = (0..columns * rows)
-                .map(|cell| {
-                    let (x, y) = image(cell % columns, cell / columns);
-                    marked[cell] || marked[y * columns + x]
-                })
-                .collect();
-        };
-        if self != Symmetry::None {
-            join(&|x, y| (columns - 1 - x, y));
-            join(&|x, y| (x, rows - 1 - y));
-        }
-        if self == Symmetry::FourMirrors && columns == rows {
-            join(&|x, y| (y, x));
-        }
-        marked
-    }
-
-    /// How many mirror planes there are.
-    pub fn mirrors(self) -> u8 {
-        match self {
-            Symmetry::None => 0,
-            Symmetry::TwoMirrors => 2,
-            Symmetry::FourMirrors => 4,
-        }
     }
 }
 
@@ -266,6 +216,28 @@ impl FocalGrid {
     /// How many images a ray has, itself included.
     pub fn images(&self) -> usize {
         self.maps.len()
+    }
+
+    /// From directions to those of their images, in the source frame.
+    pub fn maps(&self) -> &[DMat3] {
+        &self.maps
+    }
+
+    /// How many cells there are, dark ones included.
+    pub fn cell_count(&self) -> usize {
+        self.first_triangle.len()
+    }
+
+    /// The number of the image of a place that lies in the first sector: towards the least coordinates, and with eight images nearer to
+    /// their first axis than to the second.
+    pub fn into_sector(&self, (cell, at): (usize, [f64; 2])) -> usize {
+        let [columns, rows] = self.cells;
+        let from_middle = |place: usize, at: f64, count: usize| place as f64 + at - 0.5 * count as f64;
+        let (x, y) = (from_middle(cell % columns, at[0], columns), from_middle(cell / columns, at[1], rows));
+        let is_swapped = self.images() == 8 && y.abs() > x.abs();
+        let (x, y) = if is_swapped { (y, x) } else { (x, y) };
+        let bit = |number: usize, is_set: bool| if is_set { number } else { 0 };
+        bit(1, x > 0.0) + bit(2, y > 0.0) + bit(4, is_swapped)
     }
 
     /// A ray with place and direction of one of its images; its flux is that of all.
@@ -469,18 +441,5 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn marks_spread_to_all_images() {
-        let mut marked = vec![false; 16];
-        marked[1] = true;
-        let spread = |symmetry: Symmetry| {
-            let spread = symmetry.spread([4, 4], marked.clone());
-            (0..16).filter(|cell| spread[*cell]).collect::<Vec<_>>()
-        };
-        assert_eq!(spread(Symmetry::None), [1]);
-        assert_eq!(spread(Symmetry::TwoMirrors), [1, 2, 13, 14]);
-        assert_eq!(spread(Symmetry::FourMirrors), [1, 2, 4, 7, 8, 11, 13, 14]);
     }
 }

@@ -5,10 +5,14 @@
 
 /// From rays to emission points.
 pub mod cloud;
+/// Mirror planes of the light.
+pub mod symmetry;
 /// Planes and spheres where the light is sharper than where the rays start.
 pub mod focal;
+/// Mirror images of the places of a symmetric grid.
+pub mod images;
 /// The hull on a focal surface.
-mod sheet;
+pub(crate) mod sheet;
 /// The regular lattice the six views share.
 pub(crate) mod lattice;
 /// Pass 1: how many emission points lie in each cell; which resolution they carry; strays.

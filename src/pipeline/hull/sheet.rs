@@ -2,8 +2,9 @@
 
 use super::cloud::Cloud;
 use super::disjoint_sets::Groups;
-use super::focal::{FocalGrid, FocalPatch, Symmetry};
+use super::focal::{FocalGrid, FocalPatch};
 use super::mesh::{Hull, Label};
+use super::symmetry::Symmetry;
 use crate::error::Error;
 use crate::source::Ray;
 use crate::vocabulary::notice::Notices;
@@ -54,10 +55,23 @@ pub fn wrap(
     };
     cloud.fold(watch.part(0.0, 0.4), (), look, |(), ()| ())?;
     let lit = patch.symmetry.spread(cells, lit.into_iter().map(AtomicBool::into_inner).collect());
-    let (mut grid, vertices_mm, triangles) = FocalGrid::new(patch, cells, &lit);
+    let sheet = of_grid(patch, cells, &lit);
+    if !has_loose.into_inner() {
+        watch.step(1.0)?;
+        return Ok(sheet);
+    }
+    let loose = wrap_loose(watch.part(0.4, 1.0))?;
+    let focal = sheet.focal.clone().map(|grid| FocalGrid { loose_cell_mm: loose.cell_mm, ..grid });
+    let hull = if sheet.triangles.is_empty() { loose } else { joined(sheet, &loose) };
+    Ok(Hull { focal, ..hull })
+}
+
+/// The grid of `cells` over `patch` alone, where it is `lit`, `[y][x]`.
+pub fn of_grid(patch: FocalPatch, cells: [usize; 2], lit: &[bool]) -> Hull {
+    let (grid, vertices_mm, triangles) = FocalGrid::new(patch, cells, lit);
     let cell_mm = FocalGrid::size_mm(&patch, cells);
     let [x, y] = [patch.surface.axes.x_axis, patch.surface.axes.y_axis];
-    let sheet = Hull {
+    Hull {
         labels: vec![Label::Projected; triangles.len()],
         part_of_vertex: parts(vertices_mm.len(), &triangles),
         face_of_vertex: vec![0; vertices_mm.len()],
@@ -67,18 +81,9 @@ pub fn wrap(
         cell_mm: (x.abs() * cell_mm.x + y.abs() * cell_mm.y).max(DVec3::splat(THINNEST * cell_mm.length())),
         resolution: cells[0].max(cells[1]) as u32,
         max_edge_mm: cell_mm.length(),
-        focal: None,
+        focal: Some(grid),
         notices: Notices::default(),
-    };
-    if !has_loose.into_inner() {
-        watch.step(1.0)?;
-        return Ok(Hull { focal: Some(grid), ..sheet });
     }
-    let loose = wrap_loose(watch.part(0.4, 1.0))?;
-    grid.loose_cell_mm = loose.cell_mm;
-    let mut hull = if sheet.triangles.is_empty() { loose } else { joined(sheet, &loose) };
-    hull.focal = Some(grid);
-    Ok(hull)
 }
 
 /// The connected part of each vertex, numbered in the order of the smallest vertex.
