@@ -61,9 +61,10 @@ pub fn wrap(
         return Ok(sheet);
     }
     let loose = wrap_loose(watch.part(0.4, 1.0))?;
-    let focal = sheet.focal.clone().map(|grid| FocalGrid { loose_cell_mm: loose.cell_mm, ..grid });
+    let mut grid = sheet.focal.clone();
+    grid.iter_mut().for_each(|grid| grid.loose_cell_mm = loose.cell_mm);
     let hull = if sheet.triangles.is_empty() { loose } else { joined(sheet, &loose) };
-    Ok(Hull { focal, ..hull })
+    Ok(Hull { focal: grid, ..hull })
 }
 
 /// The grid of `cells` over `patch` alone, where it is `lit`, `[y][x]`.
