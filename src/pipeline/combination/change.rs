@@ -11,10 +11,6 @@ const NEARLY: f64 = 1e-12;
 /// Farthest move, mm: as far as a vertex may be.
 const FARTHEST_MM: f64 = 1e9;
 
-/// Least and greatest flux of a model, W or lm: what its files can hold of every vertex.
-const LEAST_FLUX: f64 = 1e-20;
-const GREATEST_FLUX: f64 = 1e20;
-
 /// How strong the light becomes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Strength {
@@ -103,13 +99,12 @@ impl Change {
                 total.value() / known
             }
         };
-        let is_written = |known: &Option<f64>| {
-            known.is_none_or(|known| known == 0.0 || (LEAST_FLUX..=GREATEST_FLUX).contains(&(factor * known)))
-        };
+        let is_written =
+            |known: &Option<f64>| known.is_none_or(|known| known == 0.0 || Flux::MODELLED.contains(&(factor * known)));
         if factor > 0.0 && is_written(&flux.radiant_w) && is_written(&flux.luminous_lm) {
             return Ok(factor);
         }
-        let remedy = "Give a positive factor or flux, such that the flux lies between 1e-20 and 1e20.";
+        let remedy = "Give a positive factor or flux, such that the flux lies between 1e-20 and 1e24.";
         Err(match self.strength {
             Some(Strength::Flux(total)) => {
                 let found = format!("The flux is to be {} {}.", total.value(), total.quantity().unit());

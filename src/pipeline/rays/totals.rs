@@ -14,9 +14,6 @@ pub const EFFICACY_NOTICED: f64 = 0.05;
 /// Boxes larger or smaller than this, mm, are seldom light sources but often wrong units.
 pub const LIKELY_SIZE_MM: (f64, f64) = (1e-3, 1e3);
 
-/// More W or lm than this is no light source; sums and densities of it leave the range of the 32-bit numbers of a model's files.
-const MOST_FLUX: f64 = 1e24;
-
 /// Code of the notice that a box looks like a wrong unit.
 pub const UNLIKELY_SIZE: &str = "rays.unlikely_size";
 
@@ -53,15 +50,19 @@ fn judge_by(rule: &str, facts: &Facts, sums: &Sums, flux: &Flux, notices: &mut N
         return Err(Error::refused("rays.no_flux", found, "Export the file again with flux per ray."));
     }
     let largest = flux.radiant_w.unwrap_or(0.0).max(flux.luminous_lm.unwrap_or(0.0));
-    if largest > MOST_FLUX {
-        let found = format!(
-            "The total flux is {:e} {}, more than the {MOST_FLUX:e} that the numbers of a model hold.",
-            flux.primary(),
-            flux.primary_unit()
-        );
+    let beyond = |code, than: &str, limit: f64| {
+        let (total, unit) = (flux.primary(), flux.primary_unit());
+        let found =
+            format!("The total flux is {total:e} {unit}, {than} than the {limit:e} that the numbers of a model hold.");
         let remedy =
             "Export the file again, if its flux is damaged; or declare the source's flux as its data sheet has it.";
-        return Err(Error::refused("rays.flux_too_large", found, remedy));
+        Err(Error::refused(code, found, remedy))
+    };
+    if largest > *Flux::MODELLED.end() {
+        return beyond("rays.flux_too_large", "more", *Flux::MODELLED.end());
+    }
+    if flux.primary() < *Flux::MODELLED.start() {
+        return beyond("rays.flux_too_small", "less", *Flux::MODELLED.start());
     }
     if let Some(ratio) = ratio(facts, sums).filter(|ratio| (ratio - 1.0).abs() > RATIO_NOTICED) {
         let times = six_digits(ratio);

@@ -2,6 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
 
 /// Luminous efficacy of radiation at the peak of V(λ), lm/W (CIE 1924; 683.002 in the 2019 SI, rounded as every
 /// photometric standard does).
@@ -150,6 +151,10 @@ pub struct Flux {
 }
 
 impl Flux {
+    /// The fluxes of sources that can be modelled, W or lm. Beyond them, sums, shares and densities leave the range of the 32-bit numbers of a
+    /// model's files.
+    pub const MODELLED: RangeInclusive<f64> = 1e-20..=1e24;
+
     /// The flux that weights rays where only one number is wanted: radiant where known, else luminous.
     /// Unit: [`Flux::primary_unit`].
     pub fn primary(&self) -> f64 {
