@@ -21,14 +21,14 @@ pub struct Counts {
     frame: Frame,
     zones: usize,
     groups: Groups,
-    images: Counted,
+    images: Counting,
     fine: Tally,
     /// `None` where there is no spectrum.
     spectral: Option<Tally>,
 }
 
 /// How a ray that stands for its images is counted.
-enum Counted {
+enum Counting {
     /// In the group that it lands in, whose counts go to the zones of all images in the end. Images of the cells of directions by the number of
     /// the image, of the fine and of the spectral grid; none where no ray has images.
     ByGroup([Vec<Vec<u32>>; 2]),
@@ -57,8 +57,8 @@ impl Counts {
         spectrum: &Spectral,
         limits: &Limits,
     ) -> Result<Counts, Error> {
-        let images = Counted::new(&grids, groups.zones.len(), (frame, maps), spectrum.column_count());
-        let sites = if matches!(images, Counted::ByGroup(_)) { groups.zones.len() } else { zones };
+        let images = Counting::new(&grids, groups.zones.len(), (frame, maps), spectrum.column_count());
+        let sites = if matches!(images, Counting::ByGroup(_)) { groups.zones.len() } else { zones };
         let fine = Tally::new(quanta, sites * grids.fine.cell_count(), Kept::Fluxes, limits)?;
         let spectral = (spectrum.column_count() > 0)
             .then(|| Tally::new(quanta, sites * grids.spectral.cell_count(), Kept::Columns, limits))
@@ -87,7 +87,7 @@ impl Counts {
     /// The grids, and the sums over their cells, `[zone][cell]`.
     fn amounts(self) -> (Grids, Amounts, Option<Amounts>) {
         let Counts { grids, zones, groups, images, mut fine, mut spectral, .. } = self;
-        if let Counted::ByGroup([fine_images, spectral_images]) = images
+        if let Counting::ByGroup([fine_images, spectral_images]) = images
             && !fine_images.is_empty()
         {
             let spread = |tally: Tally, grid: &SphereGrid, images: &[Vec<u32>]| {
@@ -105,16 +105,16 @@ impl Counts {
     }
 }
 
-impl Counted {
-    fn new(grids: &Grids, groups: usize, (frame, maps): (&Frame, &[DMat3]), columns: usize) -> Counted {
+impl Counting {
+    fn new(grids: &Grids, groups: usize, (frame, maps): (&Frame, &[DMat3]), columns: usize) -> Counting {
         if maps.len() < 2 {
-            return Counted::ByGroup([Vec::new(), Vec::new()]);
+            return Counting::ByGroup([Vec::new(), Vec::new()]);
         }
         let values = groups * (grids.fine.cell_count() * tally::FIXED + grids.spectral.cell_count() * columns);
         let images = |grid: &SphereGrid| images_of_cells(grid, frame, maps).filter(|_| values <= MOST_VALUES_OF_GROUPS);
         match (images(&grids.fine), images(&grids.spectral)) {
-            (Some(fine), Some(spectral)) => Counted::ByGroup([fine, spectral]),
-            _ => Counted::ByZone(maps.to_vec()),
+            (Some(fine), Some(spectral)) => Counting::ByGroup([fine, spectral]),
+            _ => Counting::ByZone(maps.to_vec()),
         }
     }
 }
@@ -137,14 +137,14 @@ impl Adding<'_> {
         let own = corners.map(|vertex| groups.of_vertex[vertex as usize]);
         let zones = |number: usize| own.map(|group| groups.zones[group as usize][number]);
         match (images, landing.image) {
-            (Counted::ByGroup([fine, spectral]), Some(number)) => {
+            (Counting::ByGroup([fine, spectral]), Some(number)) => {
                 let [cell, wide] = cells(angles);
                 let at = [fine[number][cell] as usize, spectral[number][wide] as usize];
                 self.put(own, landing.shares, at, deposit);
             }
-            (Counted::ByGroup(_), None) => self.put(own, landing.shares, cells(angles), deposit),
-            (Counted::ByZone(_), None) => self.put(zones(0), landing.shares, cells(angles), deposit),
-            (Counted::ByZone(maps), Some(number)) => {
+            (Counting::ByGroup(_), None) => self.put(own, landing.shares, cells(angles), deposit),
+            (Counting::ByZone(_), None) => self.put(zones(0), landing.shares, cells(angles), deposit),
+            (Counting::ByZone(maps), Some(number)) => {
                 let landed = maps[number] * direction;
                 for (image, map) in maps.iter().enumerate() {
                     self.put(zones(image), landing.shares, cells(frame.angles(*map * landed)), deposit);
@@ -213,7 +213,7 @@ mod tests {
             };
             let maps = hull.focal.as_ref().map_or(&[][..], FocalGrid::maps);
             let once = counts(Groups::new(&zone_of_vertex, Some(&images)), maps);
-            assert_eq!(matches!(once.images, Counted::ByGroup(_)), by_group);
+            assert_eq!(matches!(once.images, Counting::ByGroup(_)), by_group);
             let each = counts(Groups::new(&zone_of_vertex, None), &[]);
             for k in 1..2000 {
                 let [x, y, z, w] = [2f64, 3.0, 5.0, 7.0].map(|prime| (f64::from(k) * prime.sqrt()).fract() - 0.5);
