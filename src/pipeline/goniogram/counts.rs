@@ -206,7 +206,7 @@ mod tests {
             let hull = sheet::of_grid(patch, [10, 10], &[true; 100]);
             let (images, projector) = (Images::of(&hull).unwrap(), Projector::new(&hull));
             // Zones that know nothing of the symmetry.
-            let zone = |vertex: &DVec3| if vertex.x < 0.1 { 0 } else { 1 + u32::from(vertex.y > 0.2) };
+            let zone = |vertex: &DVec3| if vertex.x < 0.1 { 2 } else { u32::from(vertex.y > 0.2) };
             let zone_of_vertex: Vec<u32> = hull.vertices_mm.iter().map(zone).collect();
             let counts = |groups: Groups, maps: &[DMat3]| {
                 Counts::new(&quanta, grids(), 3, groups, (&frame, maps), &spectrum, &Limits::default()).unwrap()

@@ -19,20 +19,22 @@ pub struct Groups {
 }
 
 impl Groups {
-    /// By the zone of each vertex.
+    /// By the zone of each vertex; where nothing has images, groups are the zones.
     pub fn new(zone_of_vertex: &[u32], images: Option<&Images>) -> Groups {
-        let mut numbers: BTreeMap<Vec<u32>, u32> = BTreeMap::new();
-        let mut group = |(vertex, own): (usize, &u32)| {
-            let zones = match images {
-                // No ray is counted here.
-                Some(images) if images.is_on_grid(vertex) && !images.is_in_sector(vertex) => return 0,
-                Some(images) => images.of_vertex(vertex).map(|image| zone_of_vertex[image]).collect(),
-                None => vec![*own],
-            };
-            let next = numbers.len() as u32;
-            *numbers.entry(zones).or_insert(next)
+        let Some(images) = images else {
+            let zones = zone_of_vertex.iter().max().map_or(0, |last| last + 1);
+            return Groups { of_vertex: zone_of_vertex.to_vec(), zones: (0..zones).map(|zone| vec![zone]).collect() };
         };
-        let of_vertex: Vec<u32> = zone_of_vertex.iter().enumerate().map(&mut group).collect();
+        let mut numbers: BTreeMap<Vec<u32>, u32> = BTreeMap::new();
+        let mut group = |vertex: usize| {
+            // No ray is counted at the other vertices of the grid.
+            if images.is_on_grid(vertex) && !images.is_in_sector(vertex) {
+                return 0;
+            }
+            let next = numbers.len() as u32;
+            *numbers.entry(images.of_vertex(vertex).map(|image| zone_of_vertex[image]).collect()).or_insert(next)
+        };
+        let of_vertex: Vec<u32> = (0..zone_of_vertex.len()).map(&mut group).collect();
         let mut zones: Vec<(u32, Vec<u32>)> = numbers.into_iter().map(|(zones, number)| (number, zones)).collect();
         zones.sort_unstable();
         Groups { of_vertex, zones: zones.into_iter().map(|(_, zones)| zones).collect() }
