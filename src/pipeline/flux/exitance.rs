@@ -3,7 +3,7 @@
 use super::Amounts;
 use crate::error::Error;
 use crate::hull::Hull;
-use crate::smoothing::{Counted, Edge, LANES, Levels, PLACES, Sharing, refine, refine_all};
+use crate::smoothing::{Caution, Counted, Edge, LANES, Levels, PLACES, Sharing, refine, refine_all};
 use crate::source::Spectral;
 use crate::vocabulary::units::Flux;
 use crate::vocabulary::watch::StageWatch;
@@ -39,7 +39,7 @@ pub fn smooth_amounts(
     watch: StageWatch<'_>,
 ) -> Result<(), Error> {
     watch.step(0.0)?;
-    let whole = refine(levels, &Counted::new(sites.primary(), measures, ray.primary())).amounts;
+    let whole = refine(levels, &Counted::new(sites.primary(), measures, ray.primary(), Caution::Edges)).amounts;
     let column_ray = if spectral.has_bands() { ray.primary() } else { ray.luminous_lm.unwrap_or(0.0) };
     let lit = sites.lit_columns();
     let smooth_columns = |part: &[usize]| -> Result<Vec<Vec<f64>>, Error> {
@@ -48,7 +48,7 @@ pub fn smooth_amounts(
         if lit.len() == 1 {
             return Ok(counted.iter().map(|counted| scaled(&whole, counted.iter().sum())).collect());
         }
-        let counted = counted.iter().map(|amounts| Counted::new(amounts, &whole, column_ray));
+        let counted = counted.iter().map(|amounts| Counted::new(amounts, &whole, column_ray, Caution::Edges));
         let refined = refine_all(levels, &counted.collect::<Vec<_>>());
         Ok(refined.into_iter().map(|refined| refined.amounts).collect())
     };
@@ -61,7 +61,7 @@ pub fn smooth_amounts(
         let ray = ray.luminous_lm.unwrap_or(0.0);
         *luminous = match sites.radiant_w {
             Some(_) if lit.len() == 1 => scaled(&whole, luminous.iter().sum()),
-            Some(_) => refine(levels, &Counted::new(luminous, &whole, ray)).amounts,
+            Some(_) => refine(levels, &Counted::new(luminous, &whole, ray, Caution::Edges)).amounts,
             None => whole.clone(),
         };
     }

@@ -8,7 +8,7 @@ use super::sphere::SphereGrid;
 use crate::flux::Amounts;
 use crate::options::GoniogramOptions;
 use crate::rays::direction_cube::DirectionCube;
-use crate::smoothing::{Counted, Refined};
+use crate::smoothing::{Caution, Counted, Refined};
 use crate::source::Spectral;
 use crate::vocabulary::space::Frame;
 use crate::vocabulary::units::Flux;
@@ -226,7 +226,7 @@ impl Grids {
         let (totals, lit) = (zone.spectral.column_totals(), zone.spectral.lit_columns());
         let mut columns: Vec<Vec<f64>> = lit.iter().map(|column| zone.spectral.column(*column)).collect();
         if columns.len() > 1 {
-            let counted = |amounts| Counted::new(amounts, &expected, ray);
+            let counted = |amounts| Counted::new(amounts, &expected, ray, Caution::Even);
             columns = coarse.like(&columns.iter().map(|column| counted(column)).collect::<Vec<_>>());
         }
         for cell in 0..form.len() {
@@ -295,7 +295,7 @@ fn luminous(zones: &[Measured], refined: &[Refined], fine: &Directions<'_>, ray:
     let knows_both = |zone: &Measured| zone.fine.radiant_w.is_some() && zone.fine.luminous_lm.is_some();
     let counted = zones.iter().zip(refined).filter_map(|(zone, refined)| {
         let amounts = zone.fine.luminous_lm.as_deref().filter(|_| knows_both(zone))?;
-        Some(Counted::new(amounts, &refined.amounts, zone.luminous_ray(ray)))
+        Some(Counted::new(amounts, &refined.amounts, zone.luminous_ray(ray), Caution::Even))
     });
     let mut smoothed = fine.like(&counted.collect::<Vec<_>>()).into_iter();
     zones.iter().map(|zone| if knows_both(zone) { smoothed.next() } else { None }).collect()

@@ -2,7 +2,7 @@
 
 use super::ancestry::Ancestry;
 use super::sphere::SphereGrid;
-use crate::smoothing::{Counted, DIRECTIONS, Edge, Levels, Refined, Sharing, Trust, refine, refine_all};
+use crate::smoothing::{Caution, Counted, DIRECTIONS, Edge, Levels, Refined, Sharing, Trust, refine, refine_all};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -115,7 +115,7 @@ impl<'a> Directions<'a> {
         };
         let expected = ring_sums(prior);
         let sums = ring_sums(counted);
-        let counted = Counted { trust: Trust::Own, ..Counted::new(&sums, &expected, ray) };
+        let counted = Counted { trust: Trust::Own, ..Counted::new(&sums, &expected, ray, Caution::Smooth) };
         let refined = refine(&self.rings, &counted);
         let factor = |ring: usize| if expected[ring] > 0.0 { refined.amounts[ring] / expected[ring] } else { 0.0 };
         Refined {
@@ -131,11 +131,11 @@ impl<'a> Directions<'a> {
 
     /// Flux per cell of a source whose cells counted `counted`, from the form `prior`.
     fn estimate(&self, counted: &[f64], prior: &Refined, ray: f64) -> Refined {
-        self.estimates(&[(counted, prior)], ray).pop().unwrap_or_default()
+        self.estimates(&[(counted, prior)], ray, Caution::Smooth).pop().unwrap_or_default()
     }
 
     /// As [`Directions::estimate`], of several sources.
-    fn estimates(&self, sources: &[(&[f64], &Refined)], ray: f64) -> Vec<Refined> {
+    fn estimates(&self, sources: &[(&[f64], &Refined)], ray: f64, caution: Caution) -> Vec<Refined> {
         let expected = |(counted, prior): &(&[f64], &Refined)| -> Vec<f64> {
             let total: f64 = counted.iter().sum();
             let scale = |values: &[f64]| total / values.iter().sum::<f64>().max(f64::MIN_POSITIVE);
@@ -144,7 +144,8 @@ impl<'a> Directions<'a> {
             prior.amounts.iter().zip(&blurred).map(|(prior, seen)| a * prior + b * seen).collect()
         };
         let expected: Vec<Vec<f64>> = sources.par_iter().map(expected).collect();
-        let counted = sources.iter().zip(&expected).map(|((amounts, _), prior)| Counted::new(amounts, prior, ray));
+        let counted =
+            sources.iter().zip(&expected).map(|((amounts, _), prior)| Counted::new(amounts, prior, ray, caution));
         let mut refined = refine_all(&self.levels, &counted.collect::<Vec<_>>());
         for (refined, (_, prior)) in refined.iter_mut().zip(sources) {
             // The prior is made of the same rays, and has their noise.
@@ -223,7 +224,7 @@ impl<'a> Directions<'a> {
         };
         let turned: Vec<Refined> = parts.par_iter().map(turned).collect();
         let sources = parts.iter().zip(&turned).map(|(part, turned)| (part.counted.as_slice(), turned));
-        let mut zones = self.estimates(&sources.collect::<Vec<_>>(), ray);
+        let mut zones = self.estimates(&sources.collect::<Vec<_>>(), ray, Caution::Edges);
         add_up(&mut zones, &refined.amounts);
         zones
     }

@@ -157,16 +157,12 @@ struct Level {
 pub struct Field {
     /// Steps of the walk on the next coarser level over which signal and noise are averaged.
     window: usize,
-    /// How much more than expected noise must explain before a difference counts, where a scale shows nothing but noise, and where it shows
-    /// much more: 1 follows noise where the true ratio is flat, 2 blurs.
-    pub caution: [f64; 2],
 }
 
-/// Places: surfaces and volumes have edges, and where a scale shows any, nearly all of a difference is signal. The window is three times as
-/// wide as the smoothing, so that an edge is seen where it is.
-pub const PLACES: Field = Field { window: 4, caution: [1.5, 0.7] };
-/// The sphere of directions: intensity is smooth. The window is wider, because over few sites noise passes for a signal now and then.
-pub const DIRECTIONS: Field = Field { window: 7, caution: [1.5, 1.5] };
+/// Places: the window is three times as wide as the smoothing, so that an edge is seen where it is.
+pub const PLACES: Field = Field { window: 4 };
+/// The sphere of directions: the window is wider, because over few sites noise passes for a signal now and then.
+pub const DIRECTIONS: Field = Field { window: 7 };
 
 /// Sites, from the finest level to the coarsest.
 pub struct Levels {
@@ -185,11 +181,6 @@ pub struct Scale {
 }
 
 impl Levels {
-    /// What kind of field the sites hold.
-    pub fn field(&self) -> Field {
-        self.field
-    }
-
     /// Levels of sites at `points` whose typical distance is `spacing`. Sites whose `kinds` differ share no cluster.
     pub fn new(
         points: &[DVec3],

@@ -8,11 +8,13 @@
 /// Neighbouring sites, and the same sites in ever larger clusters.
 mod levels;
 
-use levels::Field;
 pub use levels::{DIRECTIONS, Edge, Levels, PLACES, Sharing};
 
 use rayon::prelude::*;
 
+/// How much more than expected noise must explain before a difference counts, where a scale shows nothing but noise: 1 follows noise where
+/// the true ratio is flat, 2 blurs.
+const CAUTION: f64 = 1.5;
 /// Signal on a scale, in parts of its noise, at which the caution is halfway between the two.
 const HALFWAY: f64 = 0.5;
 /// The variance of a scale is at least this part of what it was before what coarser scales took of it.
@@ -48,12 +50,35 @@ pub struct Counted<'a> {
     pub ray: f64,
     /// By whose noise a difference is judged.
     pub trust: Trust,
+    /// How cautious it is.
+    pub caution: Caution,
+}
+
+/// How much of a difference noise must explain where a scale shows much more than noise: then most of a difference is signal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Caution {
+    /// As where it shows nothing but noise.
+    Even,
+    /// Less: the field is smooth, as the intensity of a whole source is.
+    Smooth,
+    /// Least: the field has edges, as surfaces and volumes have, and the light of their parts where it differs from that of the whole.
+    Edges,
+}
+
+impl Caution {
+    fn least(self) -> f64 {
+        match self {
+            Caution::Even => CAUTION,
+            Caution::Smooth => 1.0,
+            Caution::Edges => 0.7,
+        }
+    }
 }
 
 impl<'a> Counted<'a> {
     /// Judged by the noise of the surroundings of each place.
-    pub fn new(amounts: &'a [f64], prior: &'a [f64], ray: f64) -> Counted<'a> {
-        Counted { amounts, prior, ray, trust: Trust::Surroundings }
+    pub fn new(amounts: &'a [f64], prior: &'a [f64], ray: f64, caution: Caution) -> Counted<'a> {
+        Counted { amounts, prior, ray, trust: Trust::Surroundings, caution }
     }
 }
 
@@ -108,7 +133,7 @@ fn lanes<const L: usize>(levels: &Levels, counted: [&Counted<'_>; L]) -> [Refine
         let found: Vec<[[f64; L]; 3]> = (0..clusters.len()).map(of_cluster).collect();
         let powers = found.iter().zip(&clusters).map(|(found, [expected, ..])| powers(found, expected));
         let powers: Vec<[[f64; L]; 3]> = powers.collect();
-        let cautions = cautions(&powers, levels.field());
+        let cautions = cautions(&powers, counted.map(|of| of.caution));
         let powers = levels.surroundings(scale, powers);
         let trusted = found.iter().zip(&powers).map(|(found, powers)| trusted(found, powers, &trusts, &cautions));
         let trusted = levels.interpolate(scale, trusted.collect());
@@ -165,13 +190,13 @@ fn powers<const L: usize>([excess, _, fresh]: &[[f64; L]; 3], expected: &[f64; L
 }
 
 /// How much of a difference on a scale noise must explain, by the `powers` of all of its clusters.
-fn cautions<const L: usize>(powers: &[[[f64; L]; 3]], field: Field) -> [f64; L] {
+fn cautions<const L: usize>(powers: &[[[f64; L]; 3]], wanted: [Caution; L]) -> [f64; L] {
     std::array::from_fn(|lane| {
         let sum = |which: usize| -> f64 { powers.iter().map(|powers| powers[which][lane]).sum() };
         let (noise, seen) = (sum(0), sum(1));
         let signal = if noise > 0.0 { (seen / noise - 1.0).max(0.0) } else { 0.0 };
-        let [alone, least] = field.caution;
-        least + (alone - least) / (1.0 + signal / HALFWAY)
+        let least = wanted[lane].least();
+        least + (CAUTION - least) / (1.0 + signal / HALFWAY)
     })
 }
 
@@ -201,7 +226,7 @@ mod tests {
     use glam::DVec3;
 
     fn one(levels: &Levels, amounts: &[f64], prior: &[f64], ray: f64) -> Refined {
-        refine(levels, &Counted::new(amounts, prior, ray))
+        refine(levels, &Counted::new(amounts, prior, ray, Caution::Edges))
     }
 
     /// A square of `side`² sites, each joined to its neighbours.
@@ -272,9 +297,9 @@ mod tests {
         let dark = vec![0.0; 256];
         assert_eq!(one(&levels, &dark, &prior[0], 1.0).amounts, dark);
         for count in 1..=7 {
-            let of = |k: usize| Counted::new(&counted[k], &prior[k], 1.0 + k as f64);
+            let of = |k: usize| Counted::new(&counted[k], &prior[k], 1.0 + k as f64, Caution::Edges);
             assert_eq!(refine_all(&levels, &(0..count).map(of).collect::<Vec<_>>()), alone[..count]);
-            let beside = [Counted::new(&dark, &prior[0], 1.0), of(count - 1)];
+            let beside = [Counted::new(&dark, &prior[0], 1.0, Caution::Edges), of(count - 1)];
             assert_eq!(refine_all(&levels, &beside)[1], alone[count - 1]);
         }
     }
@@ -291,7 +316,7 @@ mod tests {
         let truth = |site: usize| share(site) * if site as u32 % side < side / 2 { 100.0 } else { 200.0 };
         let mut counted: Vec<f64> = counts(|x, y| truth((y * side + x) as usize), side);
         counted[middle] = 0.5 * truth(middle);
-        let own = Counted { trust: Trust::Own, ..Counted::new(&counted, &prior, 1.0) };
+        let own = Counted { trust: Trust::Own, ..Counted::new(&counted, &prior, 1.0, Caution::Edges) };
         let found = refine(&levels, &own).amounts[middle] / truth(middle);
         assert!((found - 1.0).abs() < 0.25, "{found:.2} of the truth, counted 0.50 of it");
     }
