@@ -226,7 +226,7 @@ impl Grids {
         let (totals, lit) = (zone.spectral.column_totals(), zone.spectral.lit_columns());
         let mut columns: Vec<Vec<f64>> = lit.iter().map(|column| zone.spectral.column(*column)).collect();
         if columns.len() > 1 {
-            let counted = |amounts| Counted::new(amounts, &expected, ray, Caution::Even);
+            let counted = |amounts| Counted::new(amounts, &expected, ray, Caution::Smooth);
             columns = coarse.like(&columns.iter().map(|column| counted(column)).collect::<Vec<_>>());
         }
         for cell in 0..form.len() {
@@ -295,7 +295,7 @@ fn luminous(zones: &[Measured], refined: &[Refined], fine: &Directions<'_>, ray:
     let knows_both = |zone: &Measured| zone.fine.radiant_w.is_some() && zone.fine.luminous_lm.is_some();
     let counted = zones.iter().zip(refined).filter_map(|(zone, refined)| {
         let amounts = zone.fine.luminous_lm.as_deref().filter(|_| knows_both(zone))?;
-        Some(Counted::new(amounts, &refined.amounts, zone.luminous_ray(ray), Caution::Even))
+        Some(Counted::new(amounts, &refined.amounts, zone.luminous_ray(ray), Caution::Smooth))
     });
     let mut smoothed = fine.like(&counted.collect::<Vec<_>>()).into_iter();
     zones.iter().map(|zone| if knows_both(zone) { smoothed.next() } else { None }).collect()

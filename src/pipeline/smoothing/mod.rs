@@ -57,19 +57,16 @@ pub struct Counted<'a> {
 /// How much of a difference noise must explain where a scale shows much more than noise: then most of a difference is signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Caution {
-    /// As where it shows nothing but noise.
-    Even,
-    /// Less: the field is smooth, as the intensity of a whole source is.
+    /// As much as where it shows nothing but noise: the field is smooth, as the intensity of a whole source is.
     Smooth,
-    /// Least: the field has edges, as surfaces and volumes have, and the light of their parts where it differs from that of the whole.
+    /// Less: the field has edges, as surfaces and volumes have, and the light of their parts where it differs from that of the whole.
     Edges,
 }
 
 impl Caution {
     fn least(self) -> f64 {
         match self {
-            Caution::Even => CAUTION,
-            Caution::Smooth => 1.0,
+            Caution::Smooth => CAUTION,
             Caution::Edges => 0.7,
         }
     }
