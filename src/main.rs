@@ -3,11 +3,12 @@
 /// The verbs, one file each.
 mod command;
 
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{Arg, Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 use command::{
     Failure, adapter, backup, build, combine, convert, environment, evaluate, health, inspect, keys, openapi, rays,
     sample, serve, tenants,
 };
+use std::any::TypeId;
 use std::process::ExitCode;
 
 /// Turns a light source's ray file into a continuous source model: hull mesh with spectra, zonal goniograms, IES files.
@@ -56,7 +57,7 @@ enum Verb {
 
 fn main() -> ExitCode {
     let unread = environment::unread(&CommandLine::command());
-    let command = environment::without_empty(CommandLine::command());
+    let command = with_negative_numbers(environment::without_empty(CommandLine::command()));
     let read = CommandLine::from_arg_matches(&command.get_matches());
     let arguments = read.unwrap_or_else(|error| error.format(&mut CommandLine::command()).exit());
     let verb = arguments.verb.unwrap_or_else(|| Verb::Serve(Box::new(arguments.serve)));
@@ -80,6 +81,16 @@ fn main() -> ExitCode {
         Verb::Health(arguments) => health::run(&arguments),
     };
     done.map_or_else(Failure::report, |()| ExitCode::SUCCESS)
+}
+
+/// A number below 0 is a value, not a flag: what is wrong with it, if anything, is told in the words of its option.
+fn with_negative_numbers(command: Command) -> Command {
+    let lenient = |argument: Arg| {
+        // Clap's own idea of negative numbers has no "-1e-3".
+        let is_number = argument.get_value_parser().type_id() == TypeId::of::<f64>();
+        if is_number { argument.allow_hyphen_values(true) } else { argument }
+    };
+    command.allow_negative_numbers(true).mut_args(lenient).mut_subcommands(with_negative_numbers)
 }
 
 #[cfg(test)]

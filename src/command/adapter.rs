@@ -1,7 +1,7 @@
 //! `adapter`: a model as a renderer opens it.
 
-use super::build::make_empty;
 use super::rays::stored;
+use super::terminal::destination::NewFolder;
 use super::terminal::failure::Failure;
 use super::terminal::output;
 use super::terminal::table::{Table, count};
@@ -49,7 +49,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let folder = &arguments.output;
     let model = stored(&arguments.model)?;
     let adapted = adapt(&model, arguments.renderer, arguments.light)?;
-    make_empty(folder)?;
+    let _made = NewFolder::make(folder)?;
     for file in &adapted.files {
         let path = folder.join(&file.name);
         fs::write(&path, &file.bytes).map_err(|error| Failure::disk(&path, &error))?;

@@ -4,6 +4,7 @@ use super::channel_argument;
 use super::channel_argument::ChannelFile;
 use super::choices::Choices;
 use super::inspect::notice_rows;
+use super::terminal::destination::NewFolder;
 use super::terminal::failure::Failure;
 use super::terminal::progress::Progress;
 use super::terminal::table::{Table, count, flux, number, percent, triple};
@@ -28,7 +29,7 @@ pub struct Arguments {
     #[arg(required = true, value_name = "FILE[,KEY=VALUE]..", value_parser = channel_argument::channel, long_help = channel_argument::HELP)]
     files: Vec<ChannelFile>,
     /// Total flux of the source, of which every file has a share, for example 1.2W or 337lm.
-    #[arg(long, value_name = "FLUX", value_parser = channel_argument::total)]
+    #[arg(long, value_name = "FLUX", allow_hyphen_values = true, value_parser = channel_argument::total)]
     total: Option<Total>,
     /// Folder for the results; must be empty, and is created if missing.
     #[arg(short, long, value_name = "DIR")]
@@ -49,7 +50,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     options.rays.total = arguments.total;
     options.validate()?;
     let folder = &arguments.output;
-    make_empty(folder)?;
+    let _made = NewFolder::make(folder)?;
     let inputs = arguments.files.iter().map(ChannelFile::open).collect::<Result<Vec<Input>, Failure>>()?;
     let progress = Progress::start();
     let outcome = on_threads(arguments.threads, || pipeline::run(&inputs, &options, &Limits::default(), &progress))?;
@@ -61,21 +62,6 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 fn names(inputs: &[Input]) -> String {
     inputs.iter().map(|input| input.name.as_str()).collect::<Vec<_>>().join(" + ")
-}
-
-/// Makes the folder for results. An earlier model in the same folder would leave zones behind that the new one does not have.
-///
-/// # Errors
-/// The folder is not empty, or the disk refuses an operation.
-pub fn make_empty(folder: &Path) -> Result<(), Failure> {
-    let disk = |error: std::io::Error| Failure::disk(folder, &error);
-    fs::create_dir_all(folder).map_err(disk)?;
-    if fs::read_dir(folder).map_err(disk)?.next().is_some() {
-        let found = "The folder for the results is not empty.";
-        return Err(Failure::usage("build.output", found, "Empty the folder, or name another.")
-            .at(folder.display().to_string()));
-    }
-    Ok(())
 }
 
 fn on_threads<T: Send>(threads: Option<usize>, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
@@ -293,14 +279,7 @@ mod tests {
         let line = ["build", "no-such.ray", "--gamma-step", "7", "-o"].map(Into::into);
         let line = line.into_iter().chain([output.clone().into_os_string()]);
         let failure = run(&Line::try_parse_from(line).unwrap().build).unwrap_err();
-        assert!(failure.to_string().contains("options.goniogram.gamma_step_deg"), "{failure}");
+        assert!(failure.to_string().contains("where  --gamma-step"), "{failure}");
         assert!(!output.exists());
-    }
-
-    #[test]
-    fn an_earlier_model_is_not_mixed_with_a_new_one() {
-        let folder = tempfile::tempdir().unwrap();
-        assert!(make_empty(&folder.path().join("new")).is_ok());
-        assert!(make_empty(folder.path()).is_err());
     }
 }

@@ -56,8 +56,8 @@ impl Field {
                 let help = property["description"].as_str().unwrap_or_default().trim_end_matches('.').to_owned();
                 let (group, name) = (group.clone(), name.clone());
                 let flag = match kind {
-                    Kind::Switch => format!("no-{}", flag(&name)),
-                    _ => flag(&name),
+                    Kind::Switch => format!("no-{}", argument::flag(&name)),
+                    _ => argument::flag(&name),
                 };
                 fields.push(Field { flag, group, name, help, kind });
             }
@@ -137,16 +137,6 @@ impl Kind {
             Kind::Switch => Ok(json!(false)),
             Kind::List => argument::bands(text).map(|bands| json!(bands.edges_nm())),
         }
-    }
-}
-
-/// `max_edge_mm` is --max-edge, `nadir_axis` is --nadir, `band_edges_nm` is --bands.
-fn flag(name: &str) -> String {
-    let short =
-        ["_mm", "_deg", "_nm", "_axis"].into_iter().fold(name, |name, end| name.strip_suffix(end).unwrap_or(name));
-    match short {
-        "band_edges" => "bands".to_owned(),
-        short => short.replace('_', "-"),
     }
 }
 

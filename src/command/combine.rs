@@ -1,9 +1,10 @@
 //! `combine`: models changed, and several as one, without their rays.
 
-use super::build::{make_empty, write};
+use super::build::write;
 use super::inspect::notice_rows;
 use super::model_argument;
 use super::model_argument::ModelFile;
+use super::terminal::destination::NewFolder;
 use super::terminal::failure::Failure;
 use super::terminal::output;
 use super::terminal::progress::Progress;
@@ -29,7 +30,7 @@ pub struct Arguments {
 /// A model cannot be read, its change cannot be made, they cannot be one, or the disk refuses an operation.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let folder = &arguments.output;
-    make_empty(folder)?;
+    let _made = NewFolder::make(folder)?;
     let components = arguments.models.iter().map(ModelFile::open).collect::<Result<Vec<Component>, Failure>>()?;
     let progress = Progress::start_evaluating();
     let outcome = pipeline::combine(&components, &Options::default(), &Limits::default(), &progress);
@@ -110,6 +111,6 @@ mod tests {
             let error = told(&models).unwrap_err();
             assert!(error.contains(code), "{models}: {error}");
         }
-        assert!(!folder.path().join("new").join("emitter.glb").exists());
+        assert!(!folder.path().join("new").exists());
     }
 }

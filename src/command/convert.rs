@@ -23,7 +23,7 @@ pub struct Arguments {
     #[arg(required = true, value_name = "FILE[,KEY=VALUE]..", value_parser = channel_argument::channel, long_help = channel_argument::HELP)]
     files: Vec<ChannelFile>,
     /// Total flux of the source, of which every file has a share, for example 1.2W or 337lm.
-    #[arg(long, value_name = "FLUX", value_parser = channel_argument::total)]
+    #[arg(long, value_name = "FLUX", allow_hyphen_values = true, value_parser = channel_argument::total)]
     total: Option<Total>,
     /// The file to write: .tm25ray is IES TM-25, .dat and .sdf are Zemax binary, .ray is LightTools binary.
     #[arg(short, long, value_name = "FILE")]
@@ -115,8 +115,7 @@ pub fn destination(path: &Path, format: Option<OutputFormat>, force: bool) -> Re
             .at(place())
     })?;
     if path.exists() && !force {
-        let found = "The output file exists already.";
-        return Err(Failure::usage("convert.exists", found, "Name another output file, or give --force.").at(place()));
+        return Err(Failure::existing("convert.exists", path));
     }
     Ok(format)
 }

@@ -1,6 +1,7 @@
 //! `evaluate`: intensity, irradiance or luminance of a model, as numbers or as a picture.
 
 use super::convert::write_whole;
+use super::inspect::notice_rows;
 use super::rays::stored;
 use super::terminal::argument;
 use super::terminal::failure::Failure;
@@ -228,8 +229,7 @@ fn destination(path: &Path, written: &Written) -> Result<Form, Failure> {
             .at(place())
     })?;
     if path.exists() && !written.force {
-        let found = "The output file exists already.";
-        return Err(Failure::usage("evaluate.exists", found, "Name another output file, or give --force.").at(place()));
+        return Err(Failure::existing("evaluate.exists", path));
     }
     Ok(form)
 }
@@ -246,6 +246,7 @@ fn summary(answer: &Answer, path: &Path, bytes: u64) -> Table {
         table.row(name, ["largest bound of an error".into(), format!("{} {unit}", number(bound))]);
     }
     table.row("evaluations", [count(answer.evaluations)]);
+    notice_rows(&mut table, &answer.notices);
     table.row("file", ["written".into(), path.display().to_string()]);
     table.row("file", ["bytes".into(), count(bytes)]);
     table

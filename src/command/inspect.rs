@@ -2,6 +2,7 @@
 
 use super::channel_argument;
 use super::channel_argument::ChannelFile;
+use super::terminal::argument;
 use super::terminal::failure::Failure;
 use super::terminal::output;
 use super::terminal::progress::Progress;
@@ -118,6 +119,7 @@ fn check_rows(table: &mut Table, found: &Inspection) {
     for check in &found.checks {
         table.row("checks", [check.verdict.name().into(), check.check.into(), check.message.clone()]);
         if let Some(remedy) = &check.remedy {
+            let remedy = argument::with_keys(remedy, None);
             table.row("checks", [String::new(), String::new(), format!("→ {remedy}")]);
         }
     }

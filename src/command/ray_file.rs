@@ -3,7 +3,7 @@
 
 use super::terminal::failure::Failure;
 use pipeline::formats::bytes::digest;
-use pipeline::{Bytes, Content, Declared, Error, Input, Limits, Member};
+use pipeline::{Bytes, Content, Declared, Error, Input, Limits, MODEL_FILES, Member};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io;
@@ -71,6 +71,9 @@ pub struct RayFiles {
 /// The disk refuses an operation; or the archive is damaged, contains no ray file or not the named one.
 pub fn find(path: &Path) -> Result<RayFiles, Failure> {
     let (path, member) = split(path);
+    if path.is_dir() {
+        return Err(folder(&path));
+    }
     let disk = |error: io::Error| Failure::disk(&path, &error);
     let file = Arc::new(File::open(&path).and_then(OpenFile::new).map_err(disk)?);
     let mut start = vec![0; usize::try_from(file.len()).unwrap_or(4).min(4)];
@@ -87,6 +90,22 @@ pub fn find(path: &Path) -> Result<RayFiles, Failure> {
         None if found.rays.is_empty() => Err(found.without_rays()),
         None => Ok(found),
     }
+}
+
+/// A folder is no ray file; mostly it is a model.
+fn folder(path: &Path) -> Failure {
+    if MODEL_FILES.iter().all(|name| path.join(name).is_file()) {
+        return model(path.display().to_string());
+    }
+    Failure::failed("file.folder", "This is a folder.", "Name a ray file that is in it.").at(path.display().to_string())
+}
+
+/// What a model is for, to whoever takes it for a ray file.
+fn model(place: String) -> Failure {
+    let found = "This is a model, no ray file.";
+    let remedy = "Make rays of it with lampwright rays; lampwright evaluate, combine and adapter take it too. Its report.json says \
+                  what was found in the rays it was made of.";
+    Failure::failed("file.model", found, remedy).at(place)
 }
 
 /// `path` where there is such a file; else what stands before and behind a colon, where before it there is one.
@@ -143,6 +162,9 @@ impl RayFiles {
     }
 
     fn without_rays(self) -> Failure {
+        if MODEL_FILES.iter().all(|name| self.left_out.iter().any(|(inside, _)| inside == name)) {
+            return model(self.shown());
+        }
         let why = self.left_out.iter().map(|(name, error)| format!(" {name} ({}): {error}", error.code()));
         let found = format!("The archive contains no ray file.{}", why.collect::<String>());
         let remedy = "Name a ray file, or a gzip, zstd or zip file that contains one.";

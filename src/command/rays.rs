@@ -103,6 +103,12 @@ pub fn stored(path: &Path) -> Result<StoredModel, Failure> {
 /// The disk does not have them, or the zip holds no model.
 pub fn files(path: &Path) -> Result<[Vec<u8>; 2], Failure> {
     if path.is_dir() {
+        let missing: Vec<&str> = MODEL_FILES.into_iter().filter(|name| !path.join(name).is_file()).collect();
+        if !missing.is_empty() {
+            let found = format!("The folder is no model: it has no {}.", missing.join(" and no "));
+            let remedy = "Name a folder that lampwright build or combine wrote, or its model.zip.";
+            return Err(Failure::failed("model.missing_file", found, remedy).at(path.display().to_string()));
+        }
         return Ok([in_folder(path, MODEL_FILES[0])?, in_folder(path, MODEL_FILES[1])?]);
     }
     let file = File::open(path).map_err(|error| Failure::disk(path, &error))?;

@@ -1,13 +1,14 @@
 //! `sample`: known sources as ray files, for trying things out and for judging this and other programs.
 
+use super::convert::write_whole;
 use super::terminal::failure::Failure;
 use super::terminal::table::Table;
 use super::terminal::{argument, measure, output};
 use clap::Args;
+use pipeline::convert::Failed;
 use pipeline::known_sources;
 use pipeline::known_sources::KnownSource;
 use pipeline::vocabulary::space::Axis;
-use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
@@ -32,12 +33,15 @@ pub struct Arguments {
     /// The file to write [default: NAME.tm25ray].
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Replace the file if it exists.
+    #[arg(long)]
+    force: bool,
 }
 
 /// Lists the known sources, or writes one.
 ///
 /// # Errors
-/// The name is not that of a known source, or the disk refuses an operation.
+/// The name is not that of a known source; the file exists; or the disk refuses an operation.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Some(name) = &arguments.name else {
         return output::print(catalogue());
@@ -51,16 +55,25 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let source = known_sources::by_name(name).ok_or_else(|| unknown().at(name))?.rotate(arguments.axis);
     let path = arguments.output.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.tm25ray")));
-    write(&source, arguments, &path).map_err(|error| Failure::disk(&path, &error))?;
+    if path.exists() && !arguments.force {
+        return Err(Failure::existing("sample.exists", &path));
+    }
+    write(&source, arguments, &path)?;
     let place = path.display().to_string();
     let (place, seed) = (output::visible(&place), arguments.seed);
     output::print(format_args!("{place}: {} rays of {name}, seed {seed}\n", arguments.rays))
 }
 
-fn write(source: &KnownSource, arguments: &Arguments, path: &Path) -> std::io::Result<()> {
-    let mut file = BufWriter::new(File::create(path)?);
-    known_sources::write_tm25(source, arguments.rays, arguments.seed, &mut file)?;
-    file.flush()
+fn write(source: &KnownSource, arguments: &Arguments, path: &Path) -> Result<(), Failure> {
+    let written = write_whole(path, |file| {
+        let mut out = BufWriter::new(file);
+        known_sources::write_tm25(source, arguments.rays, arguments.seed, &mut out)?;
+        Ok(out.flush()?)
+    });
+    written.map_err(|failed| match failed {
+        Failed::Read(error) => Failure::from(error),
+        Failed::Write(error) => Failure::disk(path, &error),
+    })
 }
 
 fn catalogue() -> Table {

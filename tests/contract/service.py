@@ -24,7 +24,7 @@ def run(*arguments):
 def sample(folder, source, rays):
     """A ray file of a known source."""
     path = Path(folder) / f"{source}.tm25ray"
-    run("sample", source, "--rays", rays, "-o", path)
+    run("sample", source, "--rays", rays, "--force", "-o", path)
     return path.read_bytes()
 
 

@@ -134,6 +134,57 @@ export async function the_picture_agrees_with_the_evaluation_of_the_service(scen
   }
 }
 
+/** A picture that moves may have few pixels and triangles; it shows the same light, and at rest everything is as it was. */
+export async function a_picture_that_moves_is_coarse_and_is_whole_again_at_rest(scene) {
+  const service = await serviceOf(scene);
+  for (const name of ["four-chips", "dome"]) {
+    const job = await jobOf(service, sample(name, 200_000));
+    const page = await pageAt(scene, service, `#/jobs/${job.id}`);
+    await page.locator("canvas.lamp").waitFor();
+    for (const [c, gamma] of [[300, 40], [120, 70]]) {
+      const { rest, moving, kept, triangles } = await page.evaluate(([atC, atGamma]) => {
+        const { picture, camera } = document.querySelector("canvas.lamp").view;
+        Object.assign(camera, { c: atC, gamma: atGamma });
+        picture.resize(240, 180);
+        const summed = (isCoarse, isSlow) => {
+          picture.isSlow = isSlow;
+          picture.sum(camera, "seen", isCoarse);
+          return [...picture.read(0, 0, 240, 180, "seen")].filter((_, k) => k % 4 === 1);
+        };
+        const few = () => picture.few().corners / 3;
+        return { rest: summed(false, false), moving: summed(true, true), kept: summed(true, false), triangles: [picture.lamp.triangles, few()] };
+      }, [c, gamma]);
+      const total = (values) => values.reduce((sum, value) => sum + value, 0);
+      const peak = Math.max(...rest);
+      const lit = rest.map((_, k) => k).filter((k) => rest[k] > 0 && moving[k] > 0);
+      const median = lit.map((k) => Math.abs(moving[k] - rest[k]) / peak).sort((a, b) => a - b)[lit.length >> 1];
+      const edge = rest.filter((value, k) => value > 0 !== moving[k] > 0).length / lit.length;
+      const off = [moving, kept].map((values) => total(values) / total(rest) - 1);
+      console.log(`  ${name} from C ${c}, γ ${gamma}: ${triangles.join(" and ")} triangles; light ${off.map((part) => (100 * part).toFixed(2)).join(" and ")} %, median ${(100 * median).toFixed(2)} % of the peak, outline ${(100 * edge).toFixed(1)} %`);
+      assert.ok(triangles[1] < 3000 && triangles[0] > 2 * triangles[1], triangles.join());
+      assert.ok(off.every((part) => Math.abs(part) < 0.05) && median < 0.05 && edge < 0.1, `${name}, C ${c}, γ ${gamma}`);
+    }
+    // A hand that turns a slow picture, and lets go.
+    const found = await page.evaluate(async () => {
+      const { view } = document.querySelector("canvas.lamp");
+      const read = () => ({ size: [...view.picture.size], text: view.valueAt(0.45, 0.55).text });
+      view.moving = 0;
+      view.render();
+      const before = read();
+      Object.assign(view, { coarse: 4 });
+      view.picture.isSlow = true;
+      view.moved();
+      const moved = await new Promise((resolve) => { requestAnimationFrame(() => resolve([...view.picture.size])); });
+      await new Promise((resolve) => { view.onrest = resolve; });
+      return { before, moved, after: read() };
+    });
+    assert.ok(found.moved[0] * 3 < found.before.size[0], JSON.stringify(found));
+    assert.deepEqual(found.after, found.before);
+    calm(page);
+    await page.close();
+  }
+}
+
 /** What the solid shows in a direction is what the service says of the intensity there; a cut takes half of it away. */
 export async function the_solid_and_a_cut_by_pointer_and_by_keyboard(scene) {
   const { page, job, service } = await modelOf(scene, sample("flat-chip", 200_000));

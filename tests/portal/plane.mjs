@@ -71,6 +71,23 @@ export async function light_on_a_plane_is_read_by_pointer(scene) {
   await card(page).getByLabel("Width, mm").fill("4");
   await fine(page);
   assert.equal(asked.at(-1).width_mm, 4);
+  // An empty distance is asked for, and given up with the focus.
+  const [count, distance] = [asked.length, card(page).getByLabel("mm", { exact: true })];
+  await distance.fill("");
+  await card(page).getByText("Give the distance in mm").waitFor();
+  assert.equal(await distance.getAttribute("aria-invalid"), "true");
+  await distance.blur();
+  assert.deepEqual([await distance.inputValue(), await distance.getAttribute("aria-invalid"), asked.length], ["10", "false", count]);
+  assert.equal(await card(page).getByText("Give the distance in mm").count(), 0);
+  // Very near, a mean of points may come to more than there is: no more than all of it is said to meet the plane.
+  await card(page).getByLabel("Width, mm").fill("");
+  await distance.fill("0.02");
+  await fine(page);
+  const meets = await card(page).locator(".figures div", { hasText: "Meets the plane" }).textContent();
+  const [, part] = /\(([\d.]+)\u00a0%\)/.exec(meets) ?? [null, /all of it: /.test(meets) ? 100 : assert.fail(meets)];
+  console.log(`  at 0.02 mm: ${meets}`);
+  assert.ok(Number(part) > 95 && Number(part) <= 100, meets);
+  await distance.fill("10");
   // From the side, and in W/m²: what the page says is what the service says.
   await card(page).getByLabel("Plane lies towards").selectOption({ label: "γ 90°, C 0° (+X)" });
   await card(page).getByLabel("Quantity").selectOption("radiant");

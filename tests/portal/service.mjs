@@ -11,14 +11,14 @@ const START_MS = 120_000;
 
 export class Service {
   /** Starts one; with `keys` it asks for them, and `key` has one. */
-  static async start({ keys = false, flags = [], data, port = 0 } = {}) {
+  static async start({ keys = false, flags = [], data, port = 0, sample = false } = {}) {
     const service = new Service();
     service.folder = data ?? mkdtempSync(join(tmpdir(), "portal-"));
     if (keys) service.key = execFileSync(BINARY, ["keys", "create", "--tenant", "lab", "--data", service.folder], { stdio: ["ignore", "pipe", "ignore"] }).toString().trim();
     service.logFile = join(service.folder, "log");
     const log = openSync(service.logFile, "a");
     const environment = Object.fromEntries(Object.entries(process.env).filter(([name]) => !name.startsWith("LAMPWRIGHT_")));
-    const words = ["serve", "--listen", `127.0.0.1:${port}`, "--data", service.folder, "--no-sample", ...(keys ? ["--auth", "on"] : []), ...flags];
+    const words = ["serve", "--listen", `127.0.0.1:${port}`, "--data", service.folder, ...(sample ? [] : ["--no-sample"]), ...(keys ? ["--auth", "on"] : []), ...flags];
     service.process = spawn(BINARY, words, { stdio: ["ignore", "pipe", log], env: environment });
     closeSync(log);
     service.url = await new Promise((resolve, reject) => {

@@ -14,6 +14,9 @@ mod stopping;
 /// What means harm.
 #[cfg(test)]
 mod hostile;
+/// What a person meets at a terminal.
+#[cfg(test)]
+mod manners;
 /// What an operator writes.
 #[cfg(test)]
 mod operator;

@@ -1,8 +1,72 @@
 //! Values that several verbs read from their arguments. The error is what clap prints after the value.
 
+use pipeline::Place;
 use pipeline::evaluation::Vector;
 use pipeline::vocabulary::space::Axis;
 use pipeline::vocabulary::spectrum::Bands;
+
+/// What can be said of a ray file behind a comma, and how it is written: the keys of `channel_argument`, in their order.
+const KEYS: [(&str, &str); 6] = [
+    ("length_unit", "length_unit=mm"),
+    ("quantity", "quantity=lm"),
+    ("columns", "columns=x:y:z:l:m:n:flux"),
+    ("spectrum", "spectrum=SPECTRUM"),
+    ("flux", "flux=1.2W"),
+    ("share", "share=0.636W"),
+];
+
+/// The flag of an option of the pipeline or of a field of an evaluation, without dashes: `max_edge_mm` is --max-edge, `nadir_axis` is
+/// --nadir, `band_edges_nm` is --bands, `plane.center_mm` is --center.
+pub fn flag(name: &str) -> String {
+    let last = name.rsplit('.').next().unwrap_or(name);
+    let short =
+        ["_mm", "_deg", "_nm", "_axis"].into_iter().fold(last, |name, end| name.strip_suffix(end).unwrap_or(name));
+    match short {
+        "band_edges" => "bands".to_owned(),
+        "angles" => "at".to_owned(),
+        "directions" => "direction".to_owned(),
+        short => short.replace('_', "-"),
+    }
+}
+
+/// What the command line calls the place of a fault: a flag, or a key behind a file or a model.
+pub fn place(place: &Place) -> String {
+    match place {
+        Place::Option(name) => format!("--{}", flag(name)),
+        Place::Channel(index, "flux") => format!("flux= or share= of file {}", index + 1),
+        Place::Channel(index, field) => format!("{field}= of file {}", index + 1),
+        Place::Total => "--total".to_owned(),
+        Place::Asked("models") => "MODEL".to_owned(),
+        Place::Asked(field @ ("scale" | "flux" | "spectrum")) => format!("{field}="),
+        Place::Asked("turns") => "turn=".to_owned(),
+        Place::Asked("move_mm") => "move=".to_owned(),
+        Place::Asked(field) => format!("--{}", flag(field)),
+        Place::Byte(_) | Place::Ray(_) | Place::Declared(_) => place.to_string(),
+    }
+}
+
+/// A remedy that asks for a declaration, with how the command line takes it: what its sentences name behind "declare", else the field
+/// in which the fault is.
+pub fn with_keys(remedy: &str, at: Option<&Place>) -> String {
+    let text = remedy.replace('_', " ");
+    let asked: Vec<&str> = text
+        .match_indices("eclare ")
+        .filter_map(|(from, word)| text.get(from + word.len()..)?.split(['.', ':', ';', ',', '(']).next())
+        .collect();
+    let names = |key: &str| {
+        let name = key.replace('_', " ");
+        asked.iter().any(|asked| asked.contains(name.trim_end_matches('s')))
+    };
+    let mut written: Vec<&str> = KEYS.iter().filter(|(key, _)| names(key)).map(|(_, example)| *example).collect();
+    if let (true, Some(Place::Channel(_, field))) = (written.is_empty(), at) {
+        written.extend(KEYS.iter().filter(|(key, _)| key == field).map(|(_, example)| *example));
+    }
+    let total = if text.contains("total in W") { " The total is written as --total 98lm." } else { "" };
+    if written.is_empty() {
+        return format!("{remedy}{total}");
+    }
+    format!("{remedy} Write it behind the file, as FILE,{}.{total}", written.join(","))
+}
 
 /// `+Z`.
 pub fn axis(text: &str) -> Result<Axis, String> {
@@ -32,4 +96,53 @@ pub fn pair(text: &str) -> Result<[f64; 2], String> {
 fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     numbers?.try_into().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_called_by_what_the_command_line_has() {
+        for (found, expected) in [
+            (Place::Option("hull.max_edge_mm"), "--max-edge"),
+            (Place::Option("rays.band_edges_nm"), "--bands"),
+            (Place::Asked("plane.center_mm"), "--center"),
+            (Place::Asked("intensity.angles_deg"), "--at"),
+            (Place::Asked("intensity.c_step_deg"), "--c-step"),
+            (Place::Asked("move_mm"), "move="),
+            (Place::Channel(1, "length_unit"), "length_unit= of file 2"),
+            (Place::Total, "--total"),
+            (Place::Byte(7), "byte 7"),
+        ] {
+            assert_eq!(place(&found), expected);
+        }
+    }
+
+    #[test]
+    fn a_declaration_that_is_asked_for_is_told_as_it_is_written() {
+        for (remedy, at, expected) in [
+            ("Declare its length unit: mm or m.", None, "FILE,length_unit=mm."),
+            ("Compare the size; declare length_unit as m.", None, "FILE,length_unit=mm."),
+            ("Declare its quantity, radiant or luminous, or its flux.", None, "FILE,quantity=lm."),
+            ("Declare what each column holds: x, flux.", None, "FILE,columns=x:y:z:l:m:n:flux."),
+            (
+                "Declare its flux: equal shares. Or declare the column.",
+                None,
+                "FILE,columns=x:y:z:l:m:n:flux,flux=1.2W.",
+            ),
+            ("Declare a positive number.", Some(Place::Channel(0, "flux")), "FILE,flux=1.2W."),
+            (
+                "Give the total in W.",
+                Some(Place::Channel(0, "flux")),
+                "FILE,flux=1.2W. The total is written as --total 98lm.",
+            ),
+        ] {
+            let told = with_keys(remedy, at.as_ref());
+            assert_eq!(told, format!("{remedy} Write it behind the file, as {expected}"));
+        }
+        for other in ["Export the file again, with its spectrum.", "Declare a positive number."] {
+            assert_eq!(with_keys(other, Some(&Place::Total)), other);
+        }
+    }
 }

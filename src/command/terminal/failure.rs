@@ -1,5 +1,6 @@
 //! What goes wrong, told to a person at a terminal: code, what, where, what to do.
 
+use super::argument;
 use pipeline::{Error, Fault};
 use service::telemetry::visible;
 use std::os::unix::fs::MetadataExt;
@@ -30,6 +31,12 @@ impl Failure {
     /// A failure of the command itself: exit code 1.
     pub fn failed(code: &str, found: impl Into<String>, remedy: impl Into<String>) -> Failure {
         Failure { code: code.to_owned(), found: found.into(), place: None, remedy: Some(remedy.into()), exit: 1 }
+    }
+
+    /// A file that would be replaced without having been asked for.
+    pub fn existing(code: &str, path: &Path) -> Failure {
+        let found = "The output file exists already.";
+        Failure::usage(code, found, "Name another output file, or give --force.").at(path.display().to_string())
     }
 
     /// The failure of an operation on the file or folder `path`.
@@ -94,9 +101,9 @@ impl From<Error> for Failure {
         let code = error.code().to_owned();
         let told = |fault: Fault, exit: u8| Failure {
             code: code.clone(),
+            remedy: Some(argument::with_keys(&fault.remedy, fault.at.as_ref())),
             found: fault.found,
-            place: fault.at.map(|place| place.to_string()),
-            remedy: Some(fault.remedy),
+            place: fault.at.as_ref().map(argument::place),
             exit,
         };
         match error {
@@ -125,6 +132,8 @@ mod tests {
     #[test]
     fn a_wrong_option_is_wrong_usage() {
         let error = Error::unusable("hull.resolution", "hull.resolution", "It is 3.", "Give 4 to 256.");
-        assert_eq!(Failure::from(error).exit, 2);
+        let failure = Failure::from(error);
+        assert_eq!(failure.exit, 2);
+        assert!(failure.to_string().contains("where  --resolution\n"), "{failure}");
     }
 }

@@ -4,6 +4,8 @@
 pub mod argument;
 /// What goes wrong, told to a person at a terminal.
 pub mod failure;
+/// Where a verb writes.
+pub mod destination;
 /// Sizes, times and counts as an operator writes them.
 pub mod measure;
 /// What a verb answers.

@@ -4,6 +4,7 @@ use super::emission::{Emission, Kind, tristimulus_of_bands};
 use super::request::Request;
 use super::view::View;
 use crate::error::Error;
+use crate::vocabulary::notice::Notice;
 use crate::vocabulary::space::Frame;
 
 /// mm² in a m².
@@ -57,6 +58,8 @@ pub struct Answer {
     pub channels: Vec<Channel>,
     /// Points of the model that were evaluated.
     pub evaluations: u64,
+    /// What whoever reads the numbers must know.
+    pub notices: Vec<Notice>,
 }
 
 /// Name and unit of what `kind` is in a view.
@@ -137,6 +140,7 @@ impl Answer {
             rows: raw.shape[1],
             channels,
             evaluations: raw.evaluations,
+            notices: Vec::new(),
         })
     }
 

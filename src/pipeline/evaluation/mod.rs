@@ -17,6 +17,8 @@ mod radiance;
 mod intensity;
 /// Directions, planes, cameras.
 mod view;
+/// A plane that lies in the light.
+mod cut;
 /// What is asked.
 mod request;
 /// Numbers with their names and units.
@@ -86,7 +88,14 @@ pub fn evaluate<'a>(
     }
     watch.step(0.0)?;
     let raw = cells_of(&emission, request, columns * rows, watch)?;
-    Answer::new(&emission, name, request, kind, raw)
+    let notices = match &request.view {
+        View::Plane(plane) => {
+            let (sheet, normal) = plane.sheet(&light.frame)?;
+            cut::notices(&light, &sheet, normal)
+        }
+        _ => Vec::new(),
+    };
+    Ok(Answer { notices, ..Answer::new(&emission, name, request, kind, raw)? })
 }
 
 /// The numbers of all cells.

@@ -13,10 +13,10 @@ use crate::volume::lattice::VolumeLattice;
 use std::f64::consts::PI;
 
 /// A model whose parts are its own.
-struct Lamp {
+pub struct Lamp {
     vertices_mm: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
-    vertices: Amounts,
+    pub vertices: Amounts,
     mixtures: Vec<Mixture>,
     grid: SphereGrid,
     zones: Vec<Goniogram>,
@@ -41,7 +41,7 @@ impl<'a> From<&'a Lamp> for Light<'a> {
     }
 }
 
-fn amounts(radiant_w: Vec<f64>) -> Amounts {
+pub fn amounts(radiant_w: Vec<f64>) -> Amounts {
     let rays = vec![0.0; radiant_w.len()];
     Amounts { rays, radiant_w: Some(radiant_w), luminous_lm: None, columns: Vec::new(), column_count: 0 }
 }
@@ -52,13 +52,13 @@ fn round(grid: &SphereGrid, intensity: impl Fn(f64) -> f64) -> Goniogram {
     Goniogram { radiant_w_per_sr: Some(plane.repeat(grid.c_planes())), ..Goniogram::default() }
 }
 
-fn lambertian(gamma: f64) -> f64 {
+pub fn lambertian(gamma: f64) -> f64 {
     // cos 90° is not exactly 0.
     if gamma < 0.4999 * PI { gamma.cos() } else { 0.0 }
 }
 
 /// A square of `edge_mm` in z = 0 of exitance 1 W/mm², in `cells` squares along each side.
-fn square(edge_mm: f64, cells: usize, grid: SphereGrid, intensity: impl Fn(f64) -> f64) -> Lamp {
+pub fn square(edge_mm: f64, cells: usize, grid: SphereGrid, intensity: impl Fn(f64) -> f64) -> Lamp {
     let side = cells + 1;
     let at = |k: usize| edge_mm * (k as f64 / cells as f64 - 0.5);
     let vertices_mm: Vec<DVec3> =
@@ -84,7 +84,7 @@ fn square(edge_mm: f64, cells: usize, grid: SphereGrid, intensity: impl Fn(f64) 
 }
 
 /// A box of 2 x 1 x 1 mm from the origin on that glows evenly with 1 W/mm³.
-fn glowing_box() -> Lamp {
+pub fn glowing_box() -> Lamp {
     let bounds = Bounds { min: DVec3::ZERO, max: DVec3::new(2.0, 1.0, 1.0) };
     let lattice = VolumeLattice::all_lit(bounds, 2000.0);
     let volumes_mm3 = lattice.volumes_mm3();
@@ -92,7 +92,7 @@ fn glowing_box() -> Lamp {
     Lamp { volume: Some(Volume { lattice, nodes, volumes_mm3 }), ..square(1.0, 1, SphereGrid::new(36, 1), |_| 1.0) }
 }
 
-fn answer(lamp: &Lamp, view: View) -> Answer {
+pub fn answer(lamp: &Lamp, view: View) -> Answer {
     let watch = StageWatch::enter(&NoProgress, Stage::Model).unwrap();
     evaluate(lamp, "lamp", &Request::of(view), watch).unwrap()
 }

@@ -160,6 +160,16 @@ pub fn steps(option: &'static str, step_deg: f64, of_deg: f64) -> Result<usize, 
 }
 
 impl Sheet {
+    /// Its middle.
+    pub fn middle_mm(&self) -> DVec3 {
+        self.middle
+    }
+
+    /// From its middle to those of its right and of its upper side, mm (of a perspective camera, at the distance 1).
+    pub fn half_sides_mm(&self) -> [DVec3; 2] {
+        [0.5 * self.columns as f64 * self.right, 0.5 * self.rows as f64 * self.up]
+    }
+
     /// Where a place of the picture is; columns and rows from the upper left corner on, cells as 1.
     fn at(&self, column: f64, row: f64) -> DVec3 {
         let from = DVec2::new(column - 0.5 * self.columns as f64, 0.5 * self.rows as f64 - row);
@@ -252,6 +262,11 @@ impl Camera {
 }
 
 impl Lens {
+    /// What it sees.
+    pub fn sheet(&self) -> &Sheet {
+        &self.sheet
+    }
+
     /// Lines along each side of a cell.
     pub fn samples(&self) -> usize {
         self.samples

@@ -25,7 +25,7 @@ const FOLDER: &str = "{folder}";
 
 const PAGE: &str = include_str!("../portal/index.html");
 /// Names, types and contents of all other files.
-const FILES: [File; 43] = [
+const FILES: [File; 44] = [
     script("api", include_str!("../portal/api.js")),
     script("app", include_str!("../portal/app.js")),
     script("axes", include_str!("../portal/axes.js")),
@@ -63,6 +63,7 @@ const FILES: [File; 43] = [
     style("portal", include_str!("../portal/portal.css")),
     script("quality", include_str!("../portal/quality.js")),
     script("shaders", include_str!("../portal/shaders.js")),
+    script("simpler", include_str!("../portal/simpler.js")),
     script("solid", include_str!("../portal/solid.js")),
     script("source", include_str!("../portal/source.js")),
     script("transfers", include_str!("../portal/transfers.js")),

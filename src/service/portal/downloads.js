@@ -3,7 +3,7 @@ import { ask, json, save } from "./api.js";
 import { command, curl } from "./command.js";
 import { announce, button, field, h, problem, put, select, table } from "./dom.js";
 import { evaluations } from "./evaluation.js";
-import { bytes, count, percent } from "./numbers.js";
+import { bytes, count, percent, whole } from "./numbers.js";
 import { words } from "./words.js";
 
 /** Answers that a parameter of the query is at fault for. An answer to HEAD has no body, and so no code. */
@@ -55,7 +55,8 @@ export function newRays(job) {
     }
   };
   const set = (name) => (value) => {
-    wanted[name] = value.replaceAll(/[\s\u202f_]/g, "");
+    const plain = value.replaceAll(/[\s\u202f_]/g, "");
+    wanted[name] = name === "count" ? whole(plain) ?? plain : plain;
     clearTimeout(soon);
     soon = setTimeout(measure, SOON_MS);
   };

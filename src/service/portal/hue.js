@@ -20,6 +20,7 @@ function sectionsOf(lamp) {
   const axis = (k) => grid.map((row) => row.map((xyz) => xyz[k]));
   const axes = [0, 1, 2].map(axis);
   const most = Math.max(...axes[1].flat());
+  if (!(most > 0)) return [];
   const all = [0, 90].map((c, k) => {
     const [x, y, z] = axes.map((values) => section(values, lamp.directions, c));
     const list = y.map(([gamma, value], k) => {

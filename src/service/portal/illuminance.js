@@ -67,15 +67,22 @@ export class Illuminance {
   controls() {
     const { plane, lamp } = this;
     this.slider = h("input", { type: "range", min: 0, max: STEPS, value: plane.step, class: "wide", oninput: () => this.move(() => { plane.step = Number(this.slider.value); }) });
-    const number = (set) => h("input", { inputmode: "decimal", autocomplete: "off", oninput: ({ target }) => {
-      const value = target.value.trim() === "" ? null : typed(target.value);
-      const isWrong = target.value.trim() !== "" && !(value > 0);
+    const number = (set, mayBeEmpty) => h("input", { inputmode: "decimal", autocomplete: "off", oninput: ({ target }) => {
+      const isEmpty = target.value.trim() === "";
+      const value = isEmpty ? null : typed(target.value);
+      const isWrong = isEmpty ? !mayBeEmpty : !(value > 0);
       target.setAttribute("aria-invalid", isWrong);
-      if (isWrong) put(this.status, words.plane.wrong);
+      if (isWrong) put(this.status, isEmpty ? words.plane.empty : words.plane.wrong);
       else this.move(() => set(value));
+    }, onblur: ({ target }) => {
+      // What was left empty or wrong is given up for the plane that is shown.
+      if (target.getAttribute("aria-invalid") !== "true") return;
+      target.setAttribute("aria-invalid", "false");
+      put(this.status);
+      target.value = target === this.distance ? String(plane.distance) : plane.width ?? "";
     } });
-    this.distance = number((value) => { if (value) plane.distance = value; });
-    this.width = number((value) => { plane.width = value; });
+    this.distance = number((value) => { plane.distance = value; }, false);
+    this.width = number((value) => { plane.width = value; }, true);
     const lights = ["luminous", "radiant", "color"].filter((light) => ({ luminous: lamp.isLuminous, radiant: lamp.isRadiant, color: lamp.hasColour }[light]));
     return h("div", { class: "stack" },
       h("div", { class: "row distance" }, field(words.plane.distance, this.slider), field(words.plane.mm, this.distance)),
@@ -188,11 +195,14 @@ export class Illuminance {
     const { lit, lamp: { goniograms: { total } } } = this;
     const isLuminous = lit.light !== "radiant";
     const whole = isLuminous ? total.flux_lm : total.flux_W;
+    // Points are few: near the light their mean may come to a little more than there is.
+    const part = whole > 0 ? lit.flux / whole : 0;
+    const meets = part >= 1 ? words.plane.all(measured(whole, isLuminous ? "lm" : "W")) : `${measured(lit.flux, isLuminous ? "lm" : "W")}${whole > 0 ? ` (${percent(part)})` : ""}`;
     const fact = (text, value) => h("div", {}, h("dt", {}, text), h("dd", {}, value));
     put(this.figures,
       fact(words.plane.most, measured(lit.most, lit.unit)), fact(words.plane.mean, measured(lit.mean, lit.unit)),
       fact(words.plane.least, measured(lit.least, lit.unit)), fact(words.plane.even, lit.mean > 0 ? significant(lit.least / lit.mean, 2) : "–"),
-      fact(words.plane.flux, `${measured(lit.flux, isLuminous ? "lm" : "W")}${whole > 0 ? ` (${percent(lit.flux / whole)})` : ""}`),
+      fact(words.plane.flux, meets),
       fact(words.plane.wide, `${significant(this.plane.wide(), 3)} mm`));
   }
 

@@ -84,9 +84,9 @@ function charts(lamp, zone) {
     h("section", { class: "card", "aria-labelledby": "whole-title" },
       h("h2", { id: "whole-title" }, words.charts.whole),
       both(planes(lamp, total), words.charts.polar)),
-    h("section", { class: "card", "aria-labelledby": "zone-title" },
+    h("section", { class: zoned ? "card" : "card waiting", "aria-labelledby": "zone-title" },
       h("h2", { id: "zone-title" }, zone === null ? words.charts.zone : words.charts.zoneOf(zone)),
-      zoned ? both(zoned, words.charts.zonePolar(zone)) : h("p", { class: "hint" }, words.charts.pointAt(zones.length)),
+      zoned ? both(zoned, words.charts.zonePolar(zone)) : h("p", { class: "hint" }, entry ? words.charts.darkZone(zone) : words.charts.pointAt(zones.length)),
       entry ? h("p", {}, words.charts.zoneFacts(fluxes(entry), significant(entry.area_mm2, 3))) : null),
   ];
 }

@@ -22,6 +22,12 @@ export function typed(text) {
   return Number(plain.replace(",", "."));
 }
 
+/** A count as people type it, 1000000 or 1e6 or 2.5e8, with all of its digits; null for what is not one. */
+export function whole(text) {
+  const value = /^\d+(\.\d+)?(e\+?\d{1,2})?$/i.test(text) ? Number(text) : NaN;
+  return Number.isSafeInteger(value) ? String(value) : null;
+}
+
 function exponent(value) {
   const [mantissa, power] = value.toExponential().split("e");
   const raised = [...String(Number(power))].map((sign) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[sign] ?? "⁻").join("");

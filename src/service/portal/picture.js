@@ -1,12 +1,15 @@
 // The lamp drawn with WebGL 2: light is summed in floating point in a picture of its own, which values are read from, and then shown.
 import { falseColours, ofZone, RGB_FROM_XYZ } from "./colour.js";
 import * as shaders from "./shaders.js";
+import { DRAWN, send, simpler } from "./simpler.js";
 import { solidOf } from "./solid.js";
 
 const HINTS = 2048;
 /** Colours of the stages of a hull: projected, stitched, filled. */
 const STAGES = [[0.85, 0.25, 0.22], [0.25, 0.68, 0.32], [0.25, 0.45, 0.9]];
 const MOST_LAYERS = 256;
+/** Triangles of pictures that move, where all of them took too long. */
+const FEW_TRIANGLES = 2000;
 /**
  * What the greatest M q becomes in a half float, which ends at 65 504: two sheets seen at the edge (1/|cos θ| up to 1000) are still
  * held, and three digits are kept to 2e-6 of it, which is what narrow beams are from the side.
@@ -141,6 +144,19 @@ export class Picture {
     };
   }
 
+  /** The same with few triangles, made when it is first asked for. */
+  few() {
+    if (!this.simple) {
+      const { vertices, indices } = simpler(this.lamp, FEW_TRIANGLES);
+      const rows = new Float32Array(DRAWN * vertices.length);
+      this.simple = {
+        ...this.program(shaders.knownVertex, shaders.movingLight), ...this.stored(rows, indices),
+        places: [["position", 3, 0], ["light", 4, 3]], vertices, rows,
+      };
+    }
+    return this.simple;
+  }
+
   /** Rows of numbers and the order in which they make triangles, for `drawIndexed`. */
   stored(rows, indices) {
     const { gl } = this;
@@ -220,17 +236,22 @@ export class Picture {
     const isLight = mode === "seen" || mode === "true";
     if (isLight && this.lamp.volume) return this.sumVolume(camera, aspect, isCoarse, cut);
     if (mode === "solid") return this.sumSolid(camera, aspect, cut);
-    const used = !isLight ? this.facts : isCoarse ? this.moving : this.light;
+    const used = !isLight ? this.facts : !isCoarse ? this.light : this.isSlow ? this.few() : this.moving;
     const { program, uniforms } = used;
     this.begin(used, camera, aspect, cut);
     gl.uniform1f(uniforms.scale, this.unit(mode));
-    if (isLight) this.bindDirections(uniforms, this.zoneQ);
-    else gl.uniform1i(uniforms.is_exitance, mode === "exitance" ? 1 : 0);
+    if (isLight && !used.vertices) this.bindDirections(uniforms, this.zoneQ);
+    if (!isLight) gl.uniform1i(uniforms.is_exitance, mode === "exitance" ? 1 : 0);
     // The surface carries light and blocks none: what lies behind adds to what lies before.
     (isLight ? gl.enable : gl.disable).call(gl, gl.BLEND);
     (isLight ? gl.disable : gl.enable).call(gl, gl.DEPTH_TEST);
     gl.blendFunc(gl.ONE, gl.ONE);
-    if (used === this.moving) return this.drawIndexed(used);
+    if (used.vertices) {
+      send(this.lamp, used.vertices, camera.eye(), this.unit(mode), used.rows);
+      gl.bindBuffer(gl.ARRAY_BUFFER, used.buffer);
+      gl.bufferData(gl.ARRAY_BUFFER, used.rows, gl.DYNAMIC_DRAW);
+    }
+    if (used.order) return this.drawIndexed(used);
     this.rowsInto(program, mode);
     return gl.drawArrays(gl.TRIANGLES, 0, 3 * this.lamp.triangles);
   }
@@ -246,8 +267,7 @@ export class Picture {
   }
 
   /** The photometric solid, made when it is first asked for: as large as the lamp is shown. */
-  sumSolid(camera, aspect, cut) {
-    const { gl } = this;
+  solidOf(camera) {
     if (!this.solid) {
       const solid = solidOf(this.lamp, camera.middle, camera.radius);
       this.solid = {
@@ -255,10 +275,16 @@ export class Picture {
         places: [["position", 3, 0], ["normal", 3, 3], ["category", 3, 6]],
       };
     }
-    this.begin(this.solid, camera, aspect, cut);
+    return this.solid;
+  }
+
+  sumSolid(camera, aspect, cut) {
+    const { gl } = this;
+    const solid = this.solidOf(camera);
+    this.begin(solid, camera, aspect, cut);
     gl.disable(gl.BLEND);
     gl.enable(gl.DEPTH_TEST);
-    this.drawIndexed(this.solid);
+    this.drawIndexed(solid);
   }
 
   rowsInto(program, mode) {

@@ -103,7 +103,18 @@ void main() {
   gl_Position = clip_from_source * vec4(position, 1.0);
 }`;
 
-/** The same between the vertices. Which way the surface lies is seen from its neighbouring pixels. */
+/** The same of vertices whose M q is known. */
+export const knownVertex = `${HEAD}
+in vec3 position; in vec4 light;
+uniform mat4 clip_from_source;
+out vec3 place; out vec4 sent;
+void main() {
+  place = position; sent = light;
+  gl_Position = clip_from_source * vec4(position, 1.0);
+}`;
+
+/** The same between the vertices; few triangles are less well aligned with the light where they are seen at the edge, and so not seen
+ * brighter than 1/0.02. Which way the surface lies is seen from its neighbouring pixels. */
 export const movingLight = `${HEAD}${CUT}
 in vec3 place; in vec4 sent;
 uniform vec3 eye;
@@ -113,7 +124,7 @@ void main() {
   if (dot(cut.xyz, place) > cut.w) discard;
   vec3 way = eye - place;
   float whole = length(way) * length(across);
-  seen = sent * (whole / max(abs(dot(across, way)), max(1e-3 * whole, 1e-30)));
+  seen = sent * (whole / max(abs(dot(across, way)), max(0.02 * whole, 1e-30)));
 }`;
 
 /** The photometric solid: a surface as far from its middle as the intensity is great, shaded by its own form. */

@@ -5,6 +5,8 @@ import { intensities } from "./facts.js";
 /** Fewest half-planes of C that look round. */
 const FEWEST_PLANES = 48;
 const COLUMNS = 9;
+/** Part of the picture's radius that the solid has: its caption and its controls lie in the corners. */
+const FILLED = 0.85;
 
 /** Intensity in any direction, bilinear between nodes as everywhere. */
 export function intensityAt(lamp, c, gamma) {
@@ -18,10 +20,28 @@ export function peakOf(lamp) {
 }
 
 /**
- * The solid of a lamp, whose greatest intensity (`lamp.solidPeak`, where two are compared) is at `radius` mm from `middle`: `positions`,
- * `indices`, and `rows` of position, normal and colour for the picture.
+ * The solid of a lamp: `positions`, `indices`, and `rows` of position, normal and colour for the picture. The directions begin at `origin`,
+ * and the greatest intensity is `reach` mm from there: so that the solid nearly fills a sphere of `radius` about `middle`; where two are compared
+ * (`lamp.solidPeak` is the greatest of both), both begin at `middle` and reach as far as that sphere.
  */
 export function solidOf(lamp, middle, radius) {
+  const solid = about(lamp, middle, radius);
+  if (lamp.solidPeak) return { ...solid, origin: middle, reach: radius, rows: rowsOf(solid) };
+  const { positions } = solid;
+  const sides = [0, 1, 2].map((axis) => {
+    const all = positions.filter((_, k) => k % 3 === axis);
+    return [all.reduce((a, b) => Math.min(a, b)), all.reduce((a, b) => Math.max(a, b))];
+  });
+  const center = sides.map(([low, high]) => (low + high) / 2);
+  let most = 0;
+  for (let k = 0; k < positions.length; k += 3) most = Math.max(most, Math.hypot(...center.map((value, axis) => positions[k + axis] - value)));
+  const scale = most > 0 ? (FILLED * radius) / most : 1;
+  const placed = { ...solid, positions: positions.map((value, k) => middle[k % 3] + scale * (value - center[k % 3])) };
+  return { ...placed, origin: middle.map((value, axis) => value + scale * (value - center[axis])), reach: scale * radius, rows: rowsOf(placed) };
+}
+
+/** The solid whose greatest intensity is at `radius` from `middle`, where its directions begin. */
+function about(lamp, middle, radius) {
   const { directions } = lamp;
   const peak = lamp.solidPeak ?? peakOf(lamp);
   const planes = directions.c.length >= FEWEST_PLANES ? directions.c : Array.from({ length: FEWEST_PLANES }, (_, k) => (360 / FEWEST_PLANES) * k);
@@ -39,10 +59,10 @@ export function solidOf(lamp, middle, radius) {
     const [a, b] = [j * gammas.length + k, ((j + 1) % planes.length) * gammas.length + k];
     indices.set([a, a + 1, b, b, a + 1, b + 1], 6 * (j * (gammas.length - 1) + k));
   }));
-  return { positions, indices, rows: rowsOf(positions, indices, parts) };
+  return { positions, indices, parts };
 }
 
-function rowsOf(positions, indices, parts) {
+function rowsOf({ positions, indices, parts }) {
   const normals = normalsOf(positions, indices);
   const colours = falseColours();
   const rows = new Float32Array(COLUMNS * parts.length);

@@ -12,11 +12,14 @@ import { intensityAt, peakOf } from "./solid.js";
 import { words } from "./words.js";
 
 const TURN_DEG = 5;
-/** While it moves, a picture that takes longer than this is drawn with half as many pixels, one that takes less than that with twice as many. */
-const SLOW_MS = 34;
-const FAST_MS = 12;
-/** Fewest pixels: a volume, whose every pixel is a sum along a line, needs fewer than a surface, whose vertices take the time. */
-const COARSEST = { surface: 2 * Math.SQRT2, volume: 4 };
+/**
+ * While it moves, a picture that takes longer than this is drawn with few triangles, then with half as many pixels; one that takes less than
+ * that with twice as many. Without a graphics card a browser takes as long again to put it on the screen: 30 pictures a second are left.
+ */
+const SLOW_MS = 16;
+const FAST_MS = 6;
+/** Fewest pixels: each is so many times as wide as at rest. */
+const COARSEST = 4;
 const REST_MS = 220;
 /** So often its caption follows a picture that moves: changing the page takes as long as drawing the lamp. */
 const CAPTION_MS = 100;
@@ -100,7 +103,12 @@ export class View {
     const plane = this.cutPlane();
     if (this.cut.axis === null) return "";
     const { axis, isOther } = this.cut;
-    return words.view.cutTo("XYZ"[axis], isOther, coordinate(isOther ? -plane[3] : plane[3], this.camera.radius));
+    const place = isOther ? -plane[3] : plane[3];
+    if (this.mode !== "solid") return words.view.cutTo("XYZ"[axis], isOther, `${coordinate(place, this.camera.radius)} mm`);
+    // Lengths of the solid are intensities.
+    const { origin, reach } = this.picture.solidOf(this.camera);
+    const peak = this.lamp.solidPeak ?? peakOf(this.lamp);
+    return words.view.cutTo("XYZ"[axis], isOther, `${coordinate(((place - origin[axis]) / reach) * peak, peak)} ${this.quantity().unit}`);
   }
 
   /** Normal and place of the cut; beyond it nothing is shown. */
@@ -155,7 +163,8 @@ export class View {
     // Without this, pictures would be asked for faster than they are drawn, and those on the screen would be old.
     this.picture.finish();
     const took = performance.now() - began;
-    if (took > SLOW_MS && this.coarse < COARSEST[this.lamp.volume ? "volume" : "surface"]) this.coarse *= Math.SQRT2;
+    if (took > SLOW_MS && !this.picture.isSlow) this.picture.isSlow = true;
+    else if (took > SLOW_MS && this.coarse < COARSEST) this.coarse *= Math.SQRT2;
     else if (took < FAST_MS && this.coarse > 1) this.coarse = Math.max(1, this.coarse / Math.SQRT2);
     clearTimeout(this.settle);
     this.settle = setTimeout(() => this.request(), REST_MS + 10);
@@ -353,10 +362,10 @@ export class View {
 
   /** The intensity in the direction of the point of the solid that is under the cursor. */
   intensityOn(eye, way) {
-    const { positions, indices } = this.picture.solid ?? {};
+    const { positions, indices, origin } = this.picture.solid ?? {};
     const met = positions ? meets(positions, indices, eye, way, this.cutPlane()) : null;
     if (!met) return { text: words.view.besideSolid, value: null, unit: null, zone: null, point: null };
-    const { c, gamma } = this.lamp.directions.angles(met.point.map((value, k) => value - this.camera.middle[k]));
+    const { c, gamma } = this.lamp.directions.angles(met.point.map((value, k) => value - origin[k]));
     const value = intensityAt(this.lamp, c, gamma);
     const { unit } = this.quantity();
     return { text: words.view.intensity(measured(value, unit), significant(c, 3), significant(gamma, 3)), value, unit, zone: null, point: met.point };

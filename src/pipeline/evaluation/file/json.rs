@@ -3,6 +3,7 @@
 use crate::error::Error;
 use crate::evaluation::answer::{Answer, Channel};
 use crate::evaluation::view::{View, Width};
+use crate::vocabulary::notice::Notice;
 use crate::writing::json::document;
 use crate::writing::number::{Numbers, SUM_DIGITS, sum};
 use crate::writing::schema;
@@ -35,6 +36,8 @@ struct Document<'a> {
     columns: usize,
     /// Rows, from the top of the picture. Of a grid of directions they are nodes of gamma.
     rows: usize,
+    /// What whoever reads the numbers must know: that a plane lies in the light. In many cases none.
+    notices: &'a [Notice],
     /// The numbers.
     channels: Vec<ChannelFacts<'a>>,
 }
@@ -123,6 +126,7 @@ pub fn bytes(answer: &Answer) -> Result<Vec<u8>, Error> {
         evaluations: answer.evaluations,
         columns: answer.columns,
         rows: answer.rows,
+        notices: &answer.notices,
         channels: answer.channels.iter().map(|channel| facts(channel, answer.columns)).collect(),
     })
 }

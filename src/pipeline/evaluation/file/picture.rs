@@ -2,11 +2,13 @@
 
 use crate::error::{Error, Place};
 use crate::evaluation::answer::Answer;
-use crate::evaluation::view::{View, Width};
+use crate::evaluation::view::{Sheet, View, Width};
+use crate::vocabulary::space;
 use crate::writing::number::text;
 use crate::writing::raster::Raster;
 use crate::writing::scale::{color_bar, viridis};
 use crate::writing::svg::{Anchor, FAINT, INK, MUTED, Svg, nice_step, one_line};
+use glam::DVec3;
 
 /// Most cells that are drawn along each side: of more the mean is drawn.
 const MOST_CELLS: usize = 256;
@@ -16,6 +18,8 @@ const SHADES: f64 = 128.0;
 const CORNER: [f64; 2] = [84.0, 92.0];
 const LONGEST: f64 = 520.0;
 const SHORTEST: f64 = 24.0;
+/// A side lies along an axis whose cosine is at least this.
+const ALONG: f64 = 0.999_999;
 /// Height of the scale, px.
 const BAR: f64 = 260.0;
 
@@ -25,7 +29,7 @@ struct Axis {
     ends: [f64; 2],
     /// Values are degrees of a perspective camera, whose places are their tangents.
     is_tangent: bool,
-    name: &'static str,
+    name: String,
 }
 
 /// The drawing.
@@ -33,7 +37,7 @@ struct Axis {
 /// # Errors
 /// [`Error::Unusable`] of a list of directions.
 pub fn bytes(answer: &Answer) -> Result<Vec<u8>, Error> {
-    let [across, down] = axes(answer).ok_or_else(|| {
+    let [across, down] = axes(answer)?.ok_or_else(|| {
         let found = "A list of directions is no picture.";
         Error::invalid_declaration(
             "evaluation.no_picture",
@@ -65,32 +69,47 @@ pub fn bytes(answer: &Answer) -> Result<Vec<u8>, Error> {
 }
 
 /// Those across and down; `None` of a list.
-fn axes(answer: &Answer) -> Option<[Axis; 2]> {
-    let axis = |ends: [f64; 2], is_tangent: bool, name: &'static str| Axis { ends, is_tangent, name };
-    let sides = |width: f64, height: f64, is_tangent: bool, names: [&'static str; 2]| {
+fn axes(answer: &Answer) -> Result<Option<[Axis; 2]>, Error> {
+    let axis = |ends: [f64; 2], is_tangent: bool, name: String| Axis { ends, is_tangent, name };
+    let sides = |width: f64, height: f64, is_tangent: bool, sheet: &Sheet| {
+        let [right, up] = sheet.half_sides_mm();
+        let unit = if is_tangent { "degrees" } else { "mm" };
         [
-            axis([-0.5 * width, 0.5 * width], is_tangent, names[0]),
-            axis([0.5 * height, -0.5 * height], is_tangent, names[1]),
+            axis([-0.5 * width, 0.5 * width], is_tangent, side("right", right, unit)),
+            axis([0.5 * height, -0.5 * height], is_tangent, side("up", up, unit)),
         ]
     };
-    match &answer.request.view {
+    Ok(match &answer.request.view {
         View::Grid { c_step_deg, gamma_step_deg } => {
             // A node is the middle of its cell.
             let (c, gamma) = (0.5 * c_step_deg, 0.5 * gamma_step_deg);
-            Some([axis([-c, 360.0 - c], false, "C, degrees"), axis([-gamma, 180.0 + gamma], false, "γ, degrees")])
+            let [across, down] = ["C, degrees", "γ, degrees"].map(str::to_owned);
+            Some([axis([-c, 360.0 - c], false, across), axis([-gamma, 180.0 + gamma], false, down)])
         }
         View::Directions(_) | View::Angles(_) => None,
-        View::Plane(plane) => Some(sides(plane.width_mm, plane.height_mm, false, ["right, mm", "up, mm"])),
+        View::Plane(plane) => Some(sides(plane.width_mm, plane.height_mm, false, &plane.sheet(&answer.frame)?.0)),
         View::Camera(camera) => {
+            let lens = camera.lens()?;
             let high = answer.rows as f64 / answer.columns as f64;
             Some(match camera.width {
-                Width::Orthographic(width_mm) => sides(width_mm, high * width_mm, false, ["right, mm", "up, mm"]),
+                Width::Orthographic(width_mm) => sides(width_mm, high * width_mm, false, lens.sheet()),
                 Width::Perspective(field_deg) => {
                     let width = 2.0 * (0.5 * field_deg).to_radians().tan();
-                    sides(width, high * width, true, ["right, degrees", "up, degrees"])
+                    sides(width, high * width, true, lens.sheet())
                 }
             })
         }
+    })
+}
+
+/// What a side of the picture is called: where it lies along an axis of the source, by that.
+fn side(name: &str, along: DVec3, unit: &str) -> String {
+    let axis = space::Axis::nearest(along);
+    let is_along = along.dot(axis.vector()) >= ALONG * along.length();
+    if is_along {
+        format!("{name} ({}), {unit}", axis.name().replace('-', "\u{2212}"))
+    } else {
+        format!("{name}, {unit}")
     }
 }
 
@@ -163,9 +182,9 @@ fn ticks(svg: &mut Svg, axis: &Axis, size: [f64; 2], is_across: bool) {
         }
     }
     if is_across {
-        svg.label(left + 0.5 * length, top + size[1] + 40.0, 12.0, Anchor::Middle, INK, axis.name);
+        svg.label(left + 0.5 * length, top + size[1] + 40.0, 12.0, Anchor::Middle, INK, &axis.name);
     } else {
-        svg.label(left - 60.0, top - 12.0, 12.0, Anchor::Start, INK, axis.name);
+        svg.label(left - 60.0, top - 12.0, 12.0, Anchor::Start, INK, &axis.name);
     }
 }
 
@@ -173,4 +192,38 @@ fn ticks(svg: &mut Svg, axis: &Axis, size: [f64; 2], is_across: bool) {
 fn no_less(bound: f64) -> f64 {
     let step = 10f64.powf(bound.log10().floor() - 1.0);
     if step > 0.0 && step.is_finite() { (bound / step).ceil() * step } else { bound }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluation::file::Form;
+    use crate::evaluation::tests::{answer, lambertian, square};
+    use crate::evaluation::view::{Camera, Plane};
+    use crate::goniogram::SphereGrid;
+
+    /// Where a side of a picture lies along an axis of the source, it is called by that.
+    #[test]
+    fn drawings_say_which_way_the_axes_lie() {
+        let chip = square(1.0, 2, SphereGrid::new(36, 1), lambertian);
+        let drawn = |view: View| String::from_utf8(answer(&chip, view).write(Form::Svg).unwrap().bytes).unwrap();
+        let center_mm = DVec3::new(0.0, 0.0, 3.0);
+        let plane = Plane { center_mm, normal: None, up: None, width_mm: 4.0, height_mm: 2.0, columns: 4, rows: 2 };
+        let below = drawn(View::Plane(plane));
+        // Seen from the side of the source, with +Y up, +X lies on the left.
+        assert!(below.contains("right (\u{2212}X), mm") && below.contains("up (+Y), mm"), "{below}");
+        let aslant = drawn(View::Plane(Plane { up: Some(DVec3::new(1.0, 1.0, 0.0)), ..plane }));
+        assert!(aslant.contains(">right, mm<") && aslant.contains(">up, mm<"), "{aslant}");
+        let camera = Camera {
+            eye_mm: DVec3::new(9.0, 0.0, 0.0),
+            target_mm: DVec3::ZERO,
+            up: None,
+            width: Width::Perspective(20.0),
+            columns: 4,
+            rows: 4,
+            samples: 1,
+        };
+        let beside = drawn(View::Camera(camera));
+        assert!(beside.contains("right (+Y), degrees") && beside.contains("up (+Z), degrees"), "{beside}");
+    }
 }

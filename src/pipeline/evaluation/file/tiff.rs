@@ -72,6 +72,7 @@ mod tests {
             rows: 2,
             channels: vec![channel("X", 1.0), channel("Y", 1e7)],
             evaluations: 0,
+            notices: Vec::new(),
         };
         let mut decoder = Decoder::new(Cursor::new(bytes(&answer).unwrap())).unwrap();
         let mut told = Vec::new();
