@@ -50,19 +50,19 @@ fn judge_by(rule: &str, facts: &Facts, sums: &Sums, flux: &Flux, notices: &mut N
         return Err(Error::refused("rays.no_flux", found, "Export the file again with flux per ray."));
     }
     let largest = flux.radiant_w.unwrap_or(0.0).max(flux.luminous_lm.unwrap_or(0.0));
-    let beyond = |code, than: &str, limit: f64| {
-        let (total, unit) = (flux.primary(), flux.primary_unit());
+    let (total, unit) = (flux.primary(), flux.primary_unit());
+    let (least, most) = (Flux::MODELLED.start(), Flux::MODELLED.end());
+    let remedy =
+        "Export the file again, if its flux is damaged; or declare the source's flux as its data sheet has it.";
+    if largest > *most {
         let found =
-            format!("The total flux is {total:e} {unit}, {than} than the {limit:e} that the numbers of a model hold.");
-        let remedy =
-            "Export the file again, if its flux is damaged; or declare the source's flux as its data sheet has it.";
-        Err(Error::refused(code, found, remedy))
-    };
-    if largest > *Flux::MODELLED.end() {
-        return beyond("rays.flux_too_large", "more", *Flux::MODELLED.end());
+            format!("The total flux is {total:e} {unit}, more than the {most:e} that the numbers of a model hold.");
+        return Err(Error::refused("rays.flux_too_large", found, remedy));
     }
-    if flux.primary() < *Flux::MODELLED.start() {
-        return beyond("rays.flux_too_small", "less", *Flux::MODELLED.start());
+    if total < *least {
+        let found =
+            format!("The total flux is {total:e} {unit}, less than the {least:e} that the numbers of a model hold.");
+        return Err(Error::refused("rays.flux_too_small", found, remedy));
     }
     if let Some(ratio) = ratio(facts, sums).filter(|ratio| (ratio - 1.0).abs() > RATIO_NOTICED) {
         let times = six_digits(ratio);
