@@ -94,7 +94,7 @@ struct OnPlane {
     #[arg(long, value_name = "MM")]
     height: Option<f64>,
     /// Cells in a row.
-    #[arg(long, value_name = "N", default_value_t = 64)]
+    #[arg(long, value_name = "N", default_value_t = Plane::COLUMNS)]
     columns: usize,
     /// Rows [default: so many that cells are square].
     #[arg(long, value_name = "N")]
@@ -124,13 +124,13 @@ struct Seen {
     #[arg(long, value_name = "DEG")]
     field: Option<f64>,
     /// Cells in a row.
-    #[arg(long, value_name = "N", default_value_t = 256)]
+    #[arg(long, value_name = "N", default_value_t = Camera::COLUMNS)]
     columns: usize,
     /// Rows [default: as many as columns].
     #[arg(long, value_name = "N")]
     rows: Option<usize>,
     /// Lines along each side of a cell, whose mean is its value; 1 is the line through its middle.
-    #[arg(long, value_name = "N", default_value_t = 2)]
+    #[arg(long, value_name = "N", default_value_t = Camera::SAMPLES)]
     samples: usize,
     #[command(flatten)]
     written: Written,
@@ -168,7 +168,7 @@ impl ViewArguments {
             }
             ViewArguments::Plane(asked) => {
                 let height_mm = asked.height.unwrap_or(asked.width);
-                let square = asked.columns as f64 * height_mm / asked.width;
+                let square = || Plane::square_rows(asked.width, height_mm, asked.columns);
                 let plane = Plane {
                     center_mm: asked.center,
                     normal: asked.normal,
@@ -176,7 +176,7 @@ impl ViewArguments {
                     width_mm: asked.width,
                     height_mm,
                     columns: asked.columns,
-                    rows: asked.rows.unwrap_or(square.round().max(1.0) as usize),
+                    rows: asked.rows.unwrap_or_else(square),
                 };
                 Request { tolerance: asked.tolerance, ..of(View::Plane(plane)) }
             }

@@ -28,6 +28,10 @@ pub struct Arguments {
     /// Seed of the random numbers: the same seed gives the same rays, another seed others of the same light.
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
+    /// Spread the rays more evenly over places, directions and wavelengths than chance has it (a scrambled Sobol sequence): what is computed of
+    /// them has less noise. Best is a power of two of them.
+    #[arg(long)]
+    low_discrepancy: bool,
     /// The file to write: .tm25ray is IES TM-25, .dat and .sdf are Zemax binary, .ray is LightTools binary.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -60,7 +64,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         return Err(Failure::usage("rays.part", found, "Name a part of the file: --first and --part."));
     }
     let model = stored(&arguments.model)?;
-    let request = Request { count: of, seed: arguments.seed, target: format.target() };
+    let Arguments { seed, low_discrepancy, .. } = *arguments;
+    let request = Request { count: of, seed, low_discrepancy, target: format.target() };
     let rays = NewRays::new(&model, &model.name, request)?;
     let from = if arguments.first == 0 { 0 } else { rays.byte_of_ray(arguments.first) };
     let bytes = from..if last == of { rays.byte_count() } else { rays.byte_of_ray(last) };
@@ -80,7 +85,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     table.row("model", [model.name.clone()]);
     table.row("rays", ["of the file".into(), count(of)]);
     table.row("rays", ["written".into(), count(last - arguments.first)]);
-    table.row("rays", ["seed".into(), arguments.seed.to_string()]);
+    table.row("rays", ["seed".into(), seed.to_string()]);
+    table.row("rays", ["spread".into(), if low_discrepancy { "low discrepancy" } else { "random" }.into()]);
     table.row("flux", ["of all rays".into(), flux(rays.flux())]);
     table.row("file", ["written".into(), format!("{}: {}", path.display(), format.name())]);
     table.row("file", ["bytes".into(), count(bytes.end - bytes.start)]);
@@ -149,6 +155,7 @@ pub mod tests {
             model: model.to_owned(),
             count: 1000,
             seed: 7,
+            low_discrepancy: false,
             output: output.to_owned(),
             format: None,
             first: 0,
@@ -169,6 +176,9 @@ pub mod tests {
         run(&Arguments { part: Some(300), ..asked(folder.path(), &at("c.dat")) }).unwrap();
         run(&Arguments { first: 300, ..asked(folder.path(), &at("d.dat")) }).unwrap();
         assert!(whole == [fs::read(at("c.dat")).unwrap(), fs::read(at("d.dat")).unwrap()].concat());
+        run(&Arguments { low_discrepancy: true, ..asked(folder.path(), &at("e.dat")) }).unwrap();
+        let other = fs::read(at("e.dat")).unwrap();
+        assert!(other.len() == whole.len() && other != whole);
     }
 
     #[test]

@@ -51,6 +51,25 @@ async fn a_model_is_evaluated_as_its_closed_forms() {
     assert!((lit * 1e-6 * PI - 1.0).abs() < 0.15 && luminance[0] == 0.0 && unit == "W/(m² sr)", "{luminance:?}");
 }
 
+/// What is left out is as the command line has it: square cells, 64 of a plane in a row, 256 of a camera.
+#[tokio::test(flavor = "multi_thread")]
+async fn cells_are_square_where_nothing_is_said() {
+    let (site, address) = with_model().await;
+    for (view, size) in [
+        (json!({"plane": {"center_mm": [0, 0, 1], "width_mm": 2}}), [64, 64]),
+        (json!({"plane": {"center_mm": [0, 0, 1], "width_mm": 2, "height_mm": 0.5, "columns": 12}}), [12, 3]),
+        (json!({"plane": {"center_mm": [0, 0, 1], "width_mm": 2, "height_mm": 1, "rows": 2}}), [64, 2]),
+        (json!({"camera": {"eye_mm": [0, 0, 9], "width_mm": 2}}), [256, 256]),
+        (json!({"camera": {"eye_mm": [0, 0, 9], "width_mm": 2, "columns": 7}}), [7, 7]),
+    ] {
+        let reply = site.post(&address, &json!({"view": view, "light": "radiant", "tolerance": 0.1})).await;
+        assert_eq!(reply.status, StatusCode::OK, "{reply:?}");
+        let rows = reply.json()["channels"][0]["values"].as_array().unwrap().clone();
+        let [columns, count] = size;
+        assert!(rows.len() == count && rows.iter().all(|row| row.as_array().unwrap().len() == columns), "{view}");
+    }
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn every_form_is_sent_and_the_same_again() {
     let (site, address) = with_model().await;

@@ -21,9 +21,13 @@ async fn with_model() -> (Site, String) {
 
 /// What the pipeline makes of the same files.
 fn expected(count: u64, seed: u64, target: Target) -> Vec<u8> {
+    made(RayRequest { count, seed, low_discrepancy: false, target })
+}
+
+fn made(request: RayRequest) -> Vec<u8> {
     let [emitter, goniograms] = model_files();
     let model = read_model(emitter, goniograms, &Limits::default()).unwrap();
-    let rays = NewRays::new(&model, &model.name, RayRequest { count, seed, target }).unwrap();
+    let rays = NewRays::new(&model, &model.name, request).unwrap();
     let mut bytes = Vec::new();
     write_new_rays(&rays, 0..rays.byte_count(), &mut bytes, &NoProgress).unwrap();
     bytes
@@ -66,6 +70,14 @@ async fn rays_are_those_of_the_model_and_any_range_is_a_part_of_them() {
     }
     let zemax = site.get(&format!("{rays}?count=1000&format=zemax")).await;
     assert!(zemax.body == expected(1000, 1, Target::ZemaxBinary), "the seed is 1 where none is given");
+    // So are rays of low discrepancy, and any part of them.
+    let spread = format!("{asked}&low_discrepancy=true");
+    let evenly = made(RayRequest { count: 100_000, seed: 7, low_discrepancy: true, target: Target::Tm25 });
+    let reply = site.get(&spread).await;
+    assert!(reply.header("etag") != etag && reply.body == evenly && evenly != whole);
+    assert!(reply.header("content-disposition").ends_with("seed-7-low-discrepancy.tm25ray\""));
+    let part = site.ask(Method::GET, &spread, &[("range", "bytes=123457-")], Body::empty()).await;
+    assert!(part.body == evenly[123_457..]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -78,6 +90,7 @@ async fn what_cannot_be_drawn_is_told() {
         ("?count=-1", 422, "request.wrong_type"),
         ("?count=ten", 422, "request.wrong_type"),
         ("?count=10&format=speos", 422, "request.wrong_type"),
+        ("?count=10&low_discrepancy=yes", 422, "request.wrong_type"),
         ("?count=10&colour=red", 422, "request.unknown_field"),
         ("?count=5000000000&format=zemax", 422, "zemax.too_many_rays"),
     ] {

@@ -77,6 +77,23 @@ pub struct Camera {
     pub samples: usize,
 }
 
+impl Plane {
+    /// Cells in a row where nothing is said.
+    pub const COLUMNS: usize = 64;
+
+    /// Rows where nothing is said: so many that cells are square.
+    pub fn square_rows(width_mm: f64, height_mm: f64, columns: usize) -> usize {
+        (columns as f64 * height_mm / width_mm).round().max(1.0) as usize
+    }
+}
+
+impl Camera {
+    /// Cells in a row, and rows, where nothing is said.
+    pub const COLUMNS: usize = 256;
+    /// Lines along each side of a cell where nothing is said.
+    pub const SAMPLES: usize = 2;
+}
+
 /// How wide a camera sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Width {

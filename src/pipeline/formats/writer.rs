@@ -16,6 +16,12 @@ pub trait Encode: Sync {
     }
 }
 
+/// Appends numbers as 32-bit ones.
+#[inline]
+pub fn put<const N: usize>(numbers: [f64; N], rows: &mut Vec<u8>) {
+    rows.extend_from_slice(numbers.map(|number| (number as f32).to_le_bytes()).as_flattened());
+}
+
 /// A ray file being written; each format has its own `start`.
 pub struct Writer<'a, R> {
     out: &'a mut dyn Write,

@@ -6,8 +6,16 @@
 pub mod light;
 /// The model evaluated.
 pub mod evaluation;
-/// Random numbers that a seed and the number of a ray give.
+/// The numbers of a ray, which a seed and its own number give.
 pub mod chance;
+/// Numbers that fill their space more evenly than chance.
+pub mod low_discrepancy;
+/// A curve through space that does not leap.
+mod curve;
+/// Where new rays start.
+mod places;
+/// Where new rays go.
+mod directions;
 /// New rays from the model.
 pub mod sampling;
 /// Wavelengths of new rays.

@@ -1,9 +1,9 @@
 //! Wavelengths of new rays: a band as often as the spectral radiance of the ray's place and direction says, and a wavelength in it.
 
-use super::chance::{Choice, Numbers, choices, pick};
+use super::chance::{Choice, Decision, Numbers, choices, pick};
 use super::evaluation::Evaluator;
 use super::light::Light;
-use super::sampling::Drawn;
+use super::sampling::{Batch, Drawn};
 use crate::goniogram::{Goniogram, SphereGrid};
 use std::f64::consts::TAU;
 
@@ -16,6 +16,8 @@ pub struct Wavelengths<'a> {
     shares: Vec<f32>,
     /// Of the zones whose spectrum changes with the direction, or of such a volume.
     zones: Vec<Option<Turning>>,
+    /// None of them is such.
+    is_of_places: bool,
 }
 
 /// A zone that sends one band otherwise than another.
@@ -58,27 +60,61 @@ impl<'a> Wavelengths<'a> {
             shares.extend(watts.iter().map(|watt| (watt / sum) as f32));
         }
         let turning = |goniogram: &Goniogram| Turning::new(goniogram, light.spectral_grid, bands.len());
-        let zones = match light.volume {
+        let zones: Vec<Option<Turning>> = match light.volume {
             Some(_) => vec![turning(light.total)],
             None => light.zones.iter().map(|zone| turning(zone)).collect(),
         };
-        Some(Wavelengths { light, table, shares, zones })
+        let is_of_places = zones.iter().all(Option::is_none);
+        Some(Wavelengths { light, table, shares, zones, is_of_places })
     }
 
     /// A wavelength of a ray, nm. `evaluator` is that of the model.
     pub fn draw_nm(&self, drawn: &Drawn, evaluator: &Evaluator<'_>, numbers: &mut Numbers) -> f64 {
-        let edges_nm = self.light.spectral.bands.edges_nm();
-        let bands = edges_nm.len() - 1;
-        let from = drawn.site * bands;
-        let band = match &self.zones[drawn.zone] {
-            None => pick(&self.table[from..from + bands], numbers.bits()),
+        self.within_nm(self.band(drawn, evaluator, numbers, &mut Vec::new()), numbers)
+    }
+
+    /// A wavelength of each ray of a batch that was drawn, nm, as [`Wavelengths::draw_nm`] draws it.
+    pub fn draw_all_nm(&self, batch: &mut Batch, evaluator: &Evaluator<'_>) {
+        let Batch { numbers, drawn, bands, wavelengths_nm, weights, .. } = batch;
+        bands.clear();
+        let rays = drawn.iter().zip(&*numbers);
+        if self.is_of_places {
+            // The tables are larger than a cache: the less is done for each ray, the more of them are on their way at once.
+            bands.extend(rays.map(|(drawn, numbers)| self.band_of_place(drawn, numbers)));
+        } else {
+            bands.extend(rays.map(|(drawn, numbers)| self.band(drawn, evaluator, numbers, weights)));
+        }
+        wavelengths_nm.clear();
+        wavelengths_nm.extend(bands.iter().zip(numbers).map(|(band, numbers)| self.within_nm(*band, numbers)));
+    }
+
+    /// The band of a ray. `weights` is memory for those of all bands.
+    fn band(&self, drawn: &Drawn, evaluator: &Evaluator<'_>, numbers: &Numbers, weights: &mut Vec<f32>) -> usize {
+        match &self.zones[drawn.zone] {
+            None => self.band_of_place(drawn, numbers),
             Some(turning) => {
+                let bands = self.light.spectral.bands.len();
+                let from = drawn.site * bands;
                 let shares = &self.shares[from..from + bands];
-                turning.band(shares, drawn, self.light.spectral_grid, evaluator, numbers.uniform())
+                turning.weigh(shares, drawn, self.light.spectral_grid, evaluator, weights);
+                // Where the coarser grid of the bands has no light, the place decides alone.
+                let is_lit = weights.iter().any(|weight| *weight > 0.0);
+                by_weight(if is_lit { weights } else { shares }, numbers.uniform(Decision::Band))
             }
-        };
-        // The density of a band is its mean: even within it.
-        edges_nm[band] + numbers.uniform() * (edges_nm[band + 1] - edges_nm[band])
+        }
+    }
+
+    #[inline]
+    fn band_of_place(&self, drawn: &Drawn, numbers: &Numbers) -> usize {
+        let bands = self.light.spectral.bands.len();
+        let from = drawn.site * bands;
+        pick(&self.table[from..from + bands], numbers.get(Decision::Band))
+    }
+
+    /// The density of a band is its mean: even within it.
+    fn within_nm(&self, band: usize, numbers: &Numbers) -> f64 {
+        let edges_nm = self.light.spectral.bands.edges_nm();
+        edges_nm[band] + numbers.uniform(Decision::WithinBand) * (edges_nm[band + 1] - edges_nm[band])
     }
 }
 
@@ -103,12 +139,20 @@ impl Turning {
         Some(Turning { nodes, dark: integrals.iter().map(|integral| *integral <= 0.0).collect() })
     }
 
-    /// A band in proportion to its share of the light of the place, times its distribution in the direction.
-    fn band(&self, shares: &[f32], drawn: &Drawn, grid: &SphereGrid, evaluator: &Evaluator<'_>, uniform: f64) -> usize {
+    /// The weight of each band: its share of the light of the place, times its distribution in the direction.
+    fn weigh(
+        &self,
+        shares: &[f32],
+        drawn: &Drawn,
+        grid: &SphereGrid,
+        evaluator: &Evaluator<'_>,
+        weights: &mut Vec<f32>,
+    ) {
         let (c, gamma) = drawn.angles;
         let c = c.rem_euclid(TAU);
         let bands = shares.len();
-        let mut weights = vec![0.0_f32; bands];
+        weights.clear();
+        weights.resize(bands, 0.0);
         for (node, share) in grid.surroundings(c, gamma) {
             let values = &self.nodes[node * bands..][..bands];
             weights.iter_mut().zip(values).for_each(|(sum, value)| *sum += share as f32 * value);
@@ -119,13 +163,15 @@ impl Turning {
             dark.for_each(|(weight, _)| *weight = as_whole);
         }
         weights.iter_mut().zip(shares).for_each(|(weight, share)| *weight *= share);
-        // Where the coarser grid of the bands has no light, the place decides alone.
-        let weights = if weights.iter().any(|weight| *weight > 0.0) { weights.as_slice() } else { shares };
-        let mut wanted = uniform * weights.iter().map(|weight| f64::from(*weight)).sum::<f64>();
-        let found = weights.iter().position(|weight| {
-            wanted -= f64::from(*weight);
-            wanted < 0.0
-        });
-        found.or_else(|| weights.iter().rposition(|weight| *weight > 0.0)).unwrap_or(0)
     }
+}
+
+/// The place that a number in 0..1 leads to, in the order of the weights.
+fn by_weight(weights: &[f32], number: f64) -> usize {
+    let mut wanted = number * weights.iter().map(|weight| f64::from(*weight)).sum::<f64>();
+    let found = weights.iter().position(|weight| {
+        wanted -= f64::from(*weight);
+        wanted < 0.0
+    });
+    found.or_else(|| weights.iter().rposition(|weight| *weight > 0.0)).unwrap_or(0)
 }

@@ -21,6 +21,8 @@ pub struct Request {
     pub count: u64,
     /// Which of all the rays that could be drawn: another seed gives other rays of the same light.
     pub seed: u64,
+    /// Rays are spread more evenly than chance has it.
+    pub low_discrepancy: bool,
     /// The format of the file.
     pub target: Target,
 }
@@ -104,7 +106,9 @@ impl Told<'_> {
         let mut texts: [String; 9] = Default::default();
         texts[0] = self.name.to_owned();
         texts[4] = format!("lampwright {}", env!("CARGO_PKG_VERSION"));
-        texts[7] = format!("New rays drawn from a model of the source. Seed {}.", self.request.seed);
+        let Request { seed, low_discrepancy, .. } = self.request;
+        let spread = if low_discrepancy { ", of low discrepancy" } else { "" };
+        texts[7] = format!("New rays drawn from a model of the source{spread}. Seed {seed}.");
         let header = Header {
             luminous_lm: self.flux.luminous_lm,
             radiant_w: self.flux.radiant_w,

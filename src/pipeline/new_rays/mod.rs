@@ -2,7 +2,8 @@
 //! part of the file can be made without the rest, on any number of threads.
 //!
 //! Places and directions are drawn from the radiance L of the model (`openapi/README.md`), radiant where that is known; the wavelength
-//! then from the spectral radiance of the ray's place and direction.
+//! then from the spectral radiance of the ray's place and direction. By chance, or by numbers of low discrepancy: then each 256, 512, 1024 … rays from
+//! a multiple of that on are spread over places, directions and wavelengths more evenly than chance has it, and what is computed of them has less noise.
 
 /// What stands before the rays.
 mod head;
@@ -11,11 +12,12 @@ pub use head::Request;
 
 use crate::convert::Failed;
 use crate::error::Error;
-use crate::formats::record::{CHUNK_RAYS, RawRay};
+use crate::formats::record::RawRay;
 use crate::model::chance::Numbers;
 use crate::model::evaluation::Evaluator;
 use crate::model::light::Light;
-use crate::model::sampling::{Drawn, Sampler};
+use crate::model::low_discrepancy::Sequence;
+use crate::model::sampling::{Batch, Drawn, Sampler};
 use crate::model::wavelengths::Wavelengths;
 use crate::rays::chunks;
 use crate::source::Columns;
@@ -24,18 +26,30 @@ use crate::vocabulary::watch::StageWatch;
 use head::Rows;
 use std::io::Write;
 use std::ops::Range;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Most rays of a file: 32 TB of them.
 pub const MOST_RAYS: u64 = 1_000_000_000_000;
+
+/// Rays of a piece of work: what waits to be written has at most some megabytes.
+const CHUNK_RAYS: u64 = 1 << 12;
+/// Rays that are drawn together: what they read fits into the first cache.
+const BATCH_RAYS: u64 = 128;
 
 /// A ray file that is made as it is read.
 pub struct NewRays<'a> {
     request: Request,
     evaluator: Evaluator<'a>,
     sampler: Sampler<'a>,
+    /// Where the rays are of low discrepancy, their numbers.
+    sequence: Option<Sequence>,
     wavelengths: Option<Wavelengths<'a>>,
     /// W and lm of all rays.
     flux: Flux,
+    /// W of each ray, 0 where they are unknown.
+    radiant: f64,
+    /// What rays carry besides, by their places; empty where they carry nothing else.
+    carried: Vec<Carried>,
     head: Vec<u8>,
     rows: Rows,
 }
@@ -66,7 +80,16 @@ impl<'a> NewRays<'a> {
             has_color: evaluator.light().spectral.columns == Columns::Tristimulus,
         };
         let (head, rows) = told.write()?;
-        Ok(NewRays { request, evaluator, sampler, wavelengths, flux, head, rows })
+        let count = request.count as f64;
+        let radiant = flux.radiant_w.map_or(0.0, |radiant_w| radiant_w / count);
+        // Of W and wavelengths nothing of a place is written.
+        let carried = if wavelengths.is_some() && flux.radiant_w.is_some() {
+            Vec::new()
+        } else {
+            Carried::of(evaluator.light(), flux, count)
+        };
+        let sequence = request.low_discrepancy.then(|| Sequence::new(request.seed));
+        Ok(NewRays { request, evaluator, sampler, sequence, wavelengths, flux, radiant, carried, head, rows })
     }
 
     /// W and lm of all rays together, each where the model knows it.
@@ -100,20 +123,21 @@ impl<'a> NewRays<'a> {
         let in_rays = |byte: u64| byte.clamp(head, after_rays) - head;
         let (from, to) = (in_rays(bytes.start), in_rays(end));
         let (first, last) = (from / row, to.div_ceil(row));
-        let chunk_rays = CHUNK_RAYS as u64;
         let mut unwritten = None;
+        let spare = Mutex::new(Vec::new());
         let written = chunks::in_order(
-            (last - first).div_ceil(chunk_rays),
+            (last - first).div_ceil(CHUNK_RAYS),
             watch,
             from % row,
-            || (),
-            |(), chunk| {
-                let rays = first + chunk * chunk_rays..last.min(first + (chunk + 1) * chunk_rays);
+            Batch::default,
+            |batch, chunk| {
+                let rays = first + chunk * CHUNK_RAYS..last.min(first + (chunk + 1) * CHUNK_RAYS);
                 let cut = (rays.end * row).saturating_sub(to) as usize;
-                let mut encoded = Vec::with_capacity(((rays.end - rays.start) * row) as usize);
-                for ray in rays {
-                    self.rows.encode_ray(&self.ray(ray)?, &mut encoded);
-                }
+                // Memory that was written out is taken again: new one would cost a fifth of the time.
+                let mut encoded: Vec<u8> = lock(&spare).pop().unwrap_or_default();
+                encoded.clear();
+                encoded.reserve(((rays.end - rays.start) * row) as usize);
+                self.encode(rays, batch, &mut encoded)?;
                 encoded.truncate(encoded.len() - cut);
                 Ok(encoded)
             },
@@ -123,7 +147,9 @@ impl<'a> NewRays<'a> {
                 out.write_all(part).map_err(|error| {
                     unwritten = Some(error);
                     Error::Cancelled
-                })
+                })?;
+                lock(&spare).push(encoded);
+                Ok(())
             },
         );
         match unwritten {
@@ -135,47 +161,79 @@ impl<'a> NewRays<'a> {
         Ok(())
     }
 
-    /// Ray number `ray`, its flux in W and lm.
-    fn ray(&self, ray: u64) -> Result<RawRay, Error> {
-        let mut numbers = Numbers::of(self.request.seed, ray);
-        let drawn = self.sampler.draw(&mut numbers);
-        let drawn = drawn.ok_or_else(|| Error::Internal("a ray was drawn of a zone without directions".to_owned()))?;
-        let wavelength_nm = self.wavelengths.as_ref().map(|bands| bands.draw_nm(&drawn, &self.evaluator, &mut numbers));
-        let [radiant, luminous] = self.flux_of(&drawn);
-        Ok(RawRay {
+    /// Appends these rays.
+    fn encode(&self, rays: Range<u64>, batch: &mut Batch, into: &mut Vec<u8>) -> Result<(), Error> {
+        let mut from = rays.start;
+        while from < rays.end {
+            let to = rays.end.min(from + BATCH_RAYS);
+            batch.numbers.clear();
+            match &self.sequence {
+                Some(sequence) => sequence.numbers(from..to, &mut batch.numbers),
+                None => batch.numbers.extend((from..to).map(|ray| Numbers::of(self.request.seed, ray))),
+            }
+            let dark = || Error::Internal("a ray was drawn of a zone without directions".to_owned());
+            self.sampler.draw_all(batch).ok_or_else(dark)?;
+            if let Some(wavelengths) = &self.wavelengths {
+                wavelengths.draw_all_nm(batch, &self.evaluator);
+            }
+            let mut wavelengths_nm = batch.wavelengths_nm.iter().copied();
+            for drawn in &batch.drawn {
+                self.rows.encode_ray(&self.ray(drawn, wavelengths_nm.next()), into);
+            }
+            from = to;
+        }
+        Ok(())
+    }
+
+    /// A ray as it is written.
+    fn ray(&self, drawn: &Drawn, wavelength_nm: Option<f64>) -> RawRay {
+        let Carried { luminous, xz } = self.carried.get(drawn.site).copied().unwrap_or_default();
+        RawRay {
             origin_mm: drawn.point_mm.to_array(),
             direction: drawn.direction.to_array(),
-            radiant,
+            radiant: self.radiant,
             luminous,
             wavelength_nm: wavelength_nm.unwrap_or(0.0),
-            xz: self.color_of(&drawn, luminous),
+            xz,
             ..RawRay::default()
-        })
-    }
-
-    /// W and lm of a ray, 0 where they are unknown: all rays have the same of the quantity that they are drawn by, and of the other one as
-    /// much as their place has for it.
-    fn flux_of(&self, drawn: &Drawn) -> [f64; 2] {
-        let count = self.request.count as f64;
-        let place = self.evaluator.light().sites().flux_of(drawn.site);
-        match (self.flux.radiant_w, self.flux.luminous_lm) {
-            (Some(radiant_w), luminous) => {
-                let radiant = radiant_w / count;
-                let lm_per_w = place.luminous_lm.zip(place.radiant_w).map(|(lm, w)| lm / w);
-                [radiant, luminous.and(lm_per_w).map_or(0.0, |lm_per_w| radiant * lm_per_w)]
-            }
-            (None, luminous) => [0.0, luminous.unwrap_or(0.0) / count],
         }
     }
+}
 
-    /// Tristimulus X and Z of a ray, lm: those of its place for its Y.
-    fn color_of(&self, drawn: &Drawn, luminous: f64) -> [f64; 2] {
-        let light = self.evaluator.light();
-        match light.sites().columns_of(drawn.site) {
-            [x, y, z] if light.spectral.columns == Columns::Tristimulus && *y > 0.0 => {
-                [x / y * luminous, z / y * luminous]
-            }
-            _ => [0.0; 2],
-        }
+/// What a ray of a place carries besides W.
+#[derive(Clone, Copy, Debug, Default)]
+struct Carried {
+    /// lm; 0 where that is unknown, or follows from the wavelength.
+    luminous: f64,
+    /// Tristimulus X and Z, lm: those of its place for its Y.
+    xz: [f64; 2],
+}
+
+impl Carried {
+    /// For each place of a light that sends `count` rays of `flux` together: all have the same of the quantity that they are drawn by, and of
+    /// the other one as much as their place has for it.
+    fn of(light: &Light<'_>, flux: Flux, count: f64) -> Vec<Carried> {
+        let sites = light.sites();
+        let has_color = light.spectral.columns == Columns::Tristimulus;
+        let of = |site: usize| {
+            let place = sites.flux_of(site);
+            let luminous = match (flux.radiant_w, flux.luminous_lm) {
+                (Some(radiant_w), Some(_)) => {
+                    let lm_per_w = place.luminous_lm.zip(place.radiant_w).map_or(0.0, |(lm, w)| lm / w);
+                    radiant_w / count * lm_per_w
+                }
+                (_, luminous) => luminous.unwrap_or(0.0) / count,
+            };
+            let xz = match sites.columns_of(site) {
+                [x, y, z] if has_color && *y > 0.0 => [x / y * luminous, z / y * luminous],
+                _ => [0.0; 2],
+            };
+            Carried { luminous, xz }
+        };
+        (0..sites.len()).map(of).collect()
     }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

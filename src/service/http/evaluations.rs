@@ -12,7 +12,9 @@ use crate::models::Evaluated;
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
-use pipeline::{Error, EvaluationForm, EvaluationRequest, LightKind, Place, TOLERANCE, Vector, View, Width};
+use pipeline::{
+    Camera, Error, EvaluationForm, EvaluationRequest, LightKind, Place, Plane, TOLERANCE, Vector, View, Width,
+};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -20,8 +22,6 @@ use utoipa::ToSchema;
 const MOST_NUMBERS: usize = 1 << 18;
 /// Most numbers of a model that are kept while it is evaluated, vertices or nodes times channels.
 const MOST_KEPT: usize = 1 << 21;
-/// Lines along each side of a cell of a camera where nothing is said.
-const SAMPLES: usize = 2;
 
 /// What is asked of a model.
 #[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
@@ -93,15 +93,18 @@ pub struct PlaneView {
     /// Along its rows.
     #[schema(exclusive_minimum = 0.0)]
     pub width_mm: f64,
-    /// Along its columns.
+    /// Along its columns. Default: the width.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(exclusive_minimum = 0.0)]
-    pub height_mm: f64,
-    /// Cells in a row.
+    pub height_mm: Option<f64>,
+    /// Cells in a row. Default: 64.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1, maximum = 4096)]
-    pub columns: usize,
-    /// Rows.
+    pub columns: Option<usize>,
+    /// Rows. Default: so many that cells are square.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1, maximum = 4096)]
-    pub rows: usize,
+    pub rows: Option<usize>,
 }
 
 /// A camera with square cells; orthographic with `width_mm`, perspective with `field_deg`.
@@ -127,12 +130,14 @@ pub struct CameraView {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(exclusive_minimum = 0.0, exclusive_maximum = 180.0)]
     pub field_deg: Option<f64>,
-    /// Cells in a row.
+    /// Cells in a row. Default: 256.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1, maximum = 4096)]
-    pub columns: usize,
-    /// Rows.
+    pub columns: Option<usize>,
+    /// Rows. Default: as many as columns.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1, maximum = 4096)]
-    pub rows: usize,
+    pub rows: Option<usize>,
     /// Lines along each side of a cell, whose mean is its value; 1 is the line through its middle. Default: 2.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1, maximum = 16)]
@@ -178,33 +183,8 @@ impl NewEvaluation {
             }
             EvaluationView::Directions(directions) => View::Directions(directions.into_iter().map(vector).collect()),
             EvaluationView::Angles(angles) => View::Angles(angles),
-            EvaluationView::Plane(plane) => View::Plane(pipeline::Plane {
-                center_mm: vector(plane.center_mm),
-                normal: plane.normal.map(vector),
-                up: plane.up.map(vector),
-                width_mm: plane.width_mm,
-                height_mm: plane.height_mm,
-                columns: plane.columns,
-                rows: plane.rows,
-            }),
-            EvaluationView::Camera(camera) => View::Camera(pipeline::Camera {
-                eye_mm: vector(camera.eye_mm),
-                target_mm: vector(camera.target_mm),
-                up: camera.up.map(vector),
-                width: match (camera.width_mm, camera.field_deg) {
-                    (Some(width_mm), None) => Width::Orthographic(width_mm),
-                    (None, Some(field_deg)) => Width::Perspective(field_deg),
-                    _ => {
-                        let found = "The camera has no width, or two: width_mm and field_deg.";
-                        let remedy = "Give width_mm of an orthographic camera, or field_deg of a perspective one.";
-                        let place = Place::Asked("camera.width_mm");
-                        return Err(Error::invalid_declaration("evaluation.geometry", place, found, remedy).into());
-                    }
-                },
-                columns: camera.columns,
-                rows: camera.rows,
-                samples: camera.samples.unwrap_or(SAMPLES),
-            }),
+            EvaluationView::Plane(plane) => View::Plane(plane.plane()),
+            EvaluationView::Camera(camera) => View::Camera(camera.camera()?),
         };
         let kind = self.light.map(|light| match light {
             LightName::Luminous => LightKind::Luminous,
@@ -214,6 +194,46 @@ impl NewEvaluation {
         });
         let tolerance = self.tolerance.unwrap_or(TOLERANCE);
         Ok(EvaluationRequest { view, kind, tolerance, most_numbers: MOST_NUMBERS, most_kept: MOST_KEPT })
+    }
+}
+
+impl PlaneView {
+    fn plane(self) -> Plane {
+        let (width_mm, height_mm) = (self.width_mm, self.height_mm.unwrap_or(self.width_mm));
+        let columns = self.columns.unwrap_or(Plane::COLUMNS);
+        Plane {
+            center_mm: Vector::from_array(self.center_mm),
+            normal: self.normal.map(Vector::from_array),
+            up: self.up.map(Vector::from_array),
+            width_mm,
+            height_mm,
+            columns,
+            rows: self.rows.unwrap_or_else(|| Plane::square_rows(width_mm, height_mm, columns)),
+        }
+    }
+}
+
+impl CameraView {
+    fn camera(self) -> Result<Camera, Error> {
+        let columns = self.columns.unwrap_or(Camera::COLUMNS);
+        Ok(Camera {
+            eye_mm: Vector::from_array(self.eye_mm),
+            target_mm: Vector::from_array(self.target_mm),
+            up: self.up.map(Vector::from_array),
+            width: match (self.width_mm, self.field_deg) {
+                (Some(width_mm), None) => Width::Orthographic(width_mm),
+                (None, Some(field_deg)) => Width::Perspective(field_deg),
+                _ => {
+                    let found = "The camera has no width, or two: width_mm and field_deg.";
+                    let remedy = "Give width_mm of an orthographic camera, or field_deg of a perspective one.";
+                    let place = Place::Asked("camera.width_mm");
+                    return Err(Error::invalid_declaration("evaluation.geometry", place, found, remedy));
+                }
+            },
+            columns,
+            rows: self.rows.unwrap_or(columns),
+            samples: self.samples.unwrap_or(Camera::SAMPLES),
+        })
     }
 }
 

@@ -62,6 +62,11 @@ pub struct RaysQuery {
     #[param(minimum = 0, default = 1)]
     #[serde(default = "RaysQuery::first_seed")]
     pub seed: u64,
+    /// Rays are spread more evenly over places, directions and wavelengths than chance has it (a scrambled Sobol sequence): what is computed of
+    /// them has less noise. Best is a power of two of them.
+    #[param(default = false)]
+    #[serde(default)]
+    pub low_discrepancy: bool,
     /// Format of the file; tm25 where none is named.
     #[param(inline)]
     #[serde(default)]
@@ -77,8 +82,8 @@ impl RaysQuery {
 /// Draws new rays from the model of a job
 ///
 /// A ray file with as many rays as are asked for, all of the same flux, made while it is sent: ray i depends on the seed and on i alone, so a
-/// range of bytes is the same whoever asks for it when, and a download can be resumed. The entity tag names model, count, seed, format and the
-/// computation.
+/// range of bytes is the same whoever asks for it when, and a download can be resumed. The entity tag names model, count, seed, how rays are spread,
+/// format and the computation.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/rays", tag = "artifacts", operation_id = "draw_rays",
     params(
@@ -89,7 +94,7 @@ impl RaysQuery {
         ("If-Range" = Option<String>, Header, description = "the range is sent only if the file has this entity tag; otherwise the whole file"),
     ),
     responses(
-        (status = 200, content((inline(super::api::Binary) = "application/octet-stream")), description = "the bytes of the file", headers(("ETag" = String, description = "names model, count, seed, format and computation"))),
+        (status = 200, content((inline(super::api::Binary) = "application/octet-stream")), description = "the bytes of the file", headers(("ETag" = String, description = "names model, count, seed, spread, format and computation"))),
         (status = 206, content((inline(super::api::Binary) = "application/octet-stream")), description = "the requested range of bytes", headers(("Content-Range" = String, description = "the range that is sent, and the length of the file"))),
         (status = 304, description = "the copy of the client is current"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job, or it has not succeeded"),
@@ -112,21 +117,22 @@ pub async fn draw(
         return Err(Problem::out_of_range("count", "from 1 to 1000000000000"));
     }
     let files = model_files(&api, &id).await?;
-    let RaysQuery { count, seed, format } = wanted;
+    let RaysQuery { count, seed, low_discrepancy, format } = wanted;
     let extension = format.extension();
+    let spread = if low_discrepancy { "-low-discrepancy" } else { "" };
     let [emitter, goniograms] = &files;
     let facts = |byte_count| FileFacts {
-        name: format!("rays-{count}-seed-{seed}.{extension}"),
+        name: format!("rays-{count}-seed-{seed}{spread}.{extension}"),
         media_type: "application/octet-stream".to_owned(),
         byte_count,
-        etag: format!("\"{}-{}-{count}-{seed}-{extension}-{PIPELINE}\"", emitter.sha256, goniograms.sha256),
+        etag: format!("\"{}-{}-{count}-{seed}{spread}-{extension}-{PIPELINE}\"", emitter.sha256, goniograms.sha256),
     };
     // What a condition keeps from being sent needs no model.
     let unmade = facts(0);
     if matches!(ranges::wanted(&headers, &unmade.etag, 0), Wanted::Nothing | Wanted::Changed) {
         return answer(&unmade, &method, &headers, async |_| Ok(Body::empty())).await;
     }
-    let request = RayRequest { count, seed, target: format.target() };
+    let request = RayRequest { count, seed, low_discrepancy, target: format.target() };
     let drawing = api.models.draw(&access.tenant, &api.storage.blobs, &files, request).await?;
     let drawing = drawing.ok_or_else(Problem::busy)?;
     answer(&facts(drawing.byte_count), &method, &headers, async |range| Ok(Body::from_stream(drawing.stream(range))))

@@ -3,7 +3,7 @@
 use super::binary::TRAILER;
 use crate::formats::record::RawRay;
 use crate::formats::writer;
-use crate::formats::writer::Encode;
+use crate::formats::writer::{Encode, put};
 use std::io;
 use std::io::Write;
 
@@ -78,15 +78,16 @@ impl Encode for Rows {
         }
     }
 
+    #[inline]
     fn encode_ray(&self, ray: &RawRay, rows: &mut Vec<u8>) {
-        let mut number = |value: f64| rows.extend((value as f32).to_le_bytes());
-        ray.origin_mm.into_iter().chain(ray.direction).for_each(&mut number);
+        let ([x, y, z], [l, m, n]) = (ray.origin_mm, ray.direction);
+        put([x, y, z, l, m, n], rows);
         let flux = if self.luminous { ray.luminous } else { ray.radiant };
-        let [x, z] = ray.xz;
+        let [tristimulus_x, tristimulus_z] = ray.xz;
         match self.color {
-            Color::None => number(flux),
-            Color::Wavelength => [flux, ray.wavelength_nm].into_iter().for_each(number),
-            Color::Tristimulus => [x, ray.luminous, z].into_iter().for_each(number),
+            Color::None => put([flux], rows),
+            Color::Wavelength => put([flux, ray.wavelength_nm], rows),
+            Color::Tristimulus => put([tristimulus_x, ray.luminous, tristimulus_z], rows),
         }
     }
 

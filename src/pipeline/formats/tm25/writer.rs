@@ -5,7 +5,7 @@ use super::additional::{COLUMN_NAME_BYTES, to_utf32};
 use super::header::{ALIGNMENT, Flags, Header, SpectralId, TEXT_POINTS};
 use crate::formats::record::RawRay;
 use crate::formats::writer;
-use crate::formats::writer::Encode;
+use crate::formats::writer::{Encode, put};
 use std::io;
 use std::io::Write;
 
@@ -56,6 +56,7 @@ impl Encode for Rows {
         4 * (self.flags.columns(STOKES_COLUMNS) as usize + self.additional_columns)
     }
 
+    #[inline]
     fn encode_ray(&self, ray: &RawRay, rows: &mut Vec<u8>) {
         self.encode(ray, &[], rows);
     }
@@ -63,24 +64,23 @@ impl Encode for Rows {
 
 impl Rows {
     /// Appends one ray. [`RawRay::table`] counts from 0. Missing additional values become 0, polarisation none.
+    #[inline]
     pub fn encode(&self, ray: &RawRay, additional: &[f32], rows: &mut Vec<u8>) {
         let flags = self.flags;
-        let mut number = |present: bool, value: f64| {
+        let ([x, y, z], [l, m, n]) = (ray.origin_mm, ray.direction);
+        put([x, y, z, l, m, n], rows);
+        for (present, value) in
+            [(flags.radiant, ray.radiant), (flags.wavelength, ray.wavelength_nm), (flags.luminous, ray.luminous)]
+        {
             if present {
-                rows.extend((value as f32).to_le_bytes());
+                put([value], rows);
             }
-        };
-        for value in ray.origin_mm.into_iter().chain(ray.direction) {
-            number(true, value);
         }
-        number(flags.radiant, ray.radiant);
-        number(flags.wavelength, ray.wavelength_nm);
-        number(flags.luminous, ray.luminous);
-        for _ in 0..STOKES_COLUMNS {
-            number(flags.stokes, 0.0);
+        if flags.stokes {
+            put([0.0; STOKES_COLUMNS as usize], rows);
         }
-        for value in ray.xz {
-            number(flags.tristimulus, value);
+        if flags.tristimulus {
+            put(ray.xz, rows);
         }
         if flags.index {
             rows.extend(ray.table.saturating_add(1).to_le_bytes());

@@ -6,7 +6,7 @@
 use super::binary::{HEADER, IDENTIFIERS, NM_PER_UM};
 use crate::formats::record::RawRay;
 use crate::formats::writer;
-use crate::formats::writer::Encode;
+use crate::formats::writer::{Encode, put};
 use std::io;
 use std::io::Write;
 
@@ -83,12 +83,12 @@ impl Encode for Rows {
         if *self == Rows::Spectral { 32 } else { 28 }
     }
 
+    #[inline]
     fn encode_ray(&self, ray: &RawRay, rows: &mut Vec<u8>) {
-        let mut number = |value: f64| rows.extend((value as f32).to_le_bytes());
-        ray.origin_mm.into_iter().chain(ray.direction).for_each(&mut number);
-        number(if *self == Rows::Luminous { ray.luminous } else { ray.radiant });
+        let ([x, y, z], [l, m, n]) = (ray.origin_mm, ray.direction);
+        put([x, y, z, l, m, n, if *self == Rows::Luminous { ray.luminous } else { ray.radiant }], rows);
         if *self == Rows::Spectral {
-            number(ray.wavelength_nm / NM_PER_UM);
+            put([ray.wavelength_nm / NM_PER_UM], rows);
         }
     }
 }
