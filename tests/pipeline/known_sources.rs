@@ -16,7 +16,7 @@ use support::statistics::{ALARM_Z, cell_mean, chi_square_z};
 
 const RAYS: u64 = 1_000_000;
 /// Rays of sources that are turned, which are the same rays turned: none of it is judged by statistics.
-const TURNED_RAYS: u64 = 100_000;
+const TURNED_RAYS: u64 = 150_000;
 
 /// The model of `rays` rays of a known source.
 pub fn built(source: &KnownSource, rays: u64, options: &Options) -> Result<Outcome, Error> {
