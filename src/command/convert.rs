@@ -13,6 +13,7 @@ use pipeline::vocabulary::watch::StageWatch;
 use pipeline::{Input, Limits, Stage, Total, convert};
 use std::fs;
 use std::fs::{File, OpenOptions};
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `convert`.
@@ -137,8 +138,12 @@ fn write(inputs: &[Input], wanted: &Wanted, path: &Path) -> Result<Converted, Fa
 /// complete.
 ///
 /// # Errors
-/// Those of `fill`, or of the disk.
+/// Those of `fill`, or of the disk; a device, a pipe or a folder is not replaced.
 pub fn write_whole<T>(path: &Path, fill: impl FnOnce(&mut File) -> Result<T, Failed>) -> Result<T, Failed> {
+    if fs::metadata(path).is_ok_and(|found| !found.is_file()) {
+        let found = "this is a device, a pipe or a folder, which a whole file cannot take the place of";
+        return Err(Failed::Write(io::Error::new(io::ErrorKind::InvalidInput, found)));
+    }
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let part = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
     let mut file = OpenOptions::new().read(true).write(true).create_new(true).open(&part)?;

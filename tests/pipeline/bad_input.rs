@@ -76,7 +76,10 @@ fn headers_that_lie_are_refused_without_large_allocations() {
         for value in [-1i32, 0, 1, 2, 7, i32::MAX, i32::MIN] {
             let mut bytes = honest.clone();
             bytes[field..field + 4].copy_from_slice(&value.to_le_bytes());
-            let read = read(bytes.clone()).map(|source| format!("{:?} {:?}", source.flux, source.survey.bounds_mm));
+            let read = read(bytes.clone()).map(|source| {
+                let told: Vec<_> = source.notices.to_vec().into_iter().map(|notice| notice.code).collect();
+                format!("{:?} {:?} {:?} {told:?}", source.flux, source.survey.bounds_mm, source.spectral)
+            });
             if read.is_ok_and(|source| seen.insert(source)) {
                 let _ = build(bytes);
             }

@@ -256,7 +256,7 @@ fn irradiance_w_per_mm2(source: &pipeline::known_sources::KnownSource, point_mm:
 
 /// What N = 2^16 rays say of the model, against the model's own integrals: root mean square over 8 seeds and over cells, of the flux in cells of
 /// directions and on cells of a plane before the lamp. Chance alone has σ = √(p (1 − p) / N) for a share p of the rays, which is also judged: the mean square of 8 seeds
-/// and 12 cells lies within a half of it. Rays of low discrepancy are at least twice as good.
+/// and 12 cells lies within a half of it. Rays of low discrepancy are at least twice as good, of a dome a tenth.
 #[test]
 fn rays_of_low_discrepancy_have_less_noise() {
     const DRAWN: u64 = 1 << 16;
@@ -290,7 +290,7 @@ fn rays_of_low_discrepancy_have_less_noise() {
             );
             assert!((random - 1.0).abs() < 0.5, "{name}, {what}: {random}");
             // Where every place has zones of its own, as on a dome, which zone a ray goes by is one more thing that is left to chance in part.
-            let least = if name == "dome" { 1.0 } else { 2.0 };
+            let least = if name == "dome" { 1.1 } else { 2.0 };
             assert!(factor > least, "{name}, {what}: {factor}");
         }
     }

@@ -10,7 +10,7 @@ const KEYS: [(&str, &str); 6] = [
     ("length_unit", "length_unit=mm"),
     ("quantity", "quantity=lm"),
     ("columns", "columns=x:y:z:l:m:n:flux"),
-    ("spectrum", "spectrum=SPECTRUM"),
+    ("spectrum", "spectrum=FILE"),
     ("flux", "flux=1.2W"),
     ("share", "share=0.636W"),
 ];
@@ -58,6 +58,10 @@ pub fn with_keys(remedy: &str, at: Option<&Place>) -> String {
         asked.iter().any(|asked| asked.contains(name.trim_end_matches('s')))
     };
     let mut written: Vec<&str> = KEYS.iter().filter(|(key, _)| names(key)).map(|(_, example)| *example).collect();
+    // A file has a flux of its own or a share of the total, not both.
+    if names("share") {
+        written.retain(|example| !example.starts_with("flux="));
+    }
     if let (true, Some(Place::Channel(_, field))) = (written.is_empty(), at) {
         written.extend(KEYS.iter().filter(|(key, _)| key == field).map(|(_, example)| *example));
     }
@@ -131,6 +135,8 @@ mod tests {
                 None,
                 "FILE,columns=x:y:z:l:m:n:flux,flux=1.2W.",
             ),
+            // Both behind one file are refused.
+            ("Declare the share of every channel, or declare fluxes.", None, "FILE,share=0.636W."),
             ("Declare a positive number.", Some(Place::Channel(0, "flux")), "FILE,flux=1.2W."),
             (
                 "Give the total in W.",

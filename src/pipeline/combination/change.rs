@@ -99,9 +99,9 @@ impl Change {
                 total.value() / known
             }
         };
-        let is_written =
-            |known: &Option<f64>| known.is_none_or(|known| known == 0.0 || Flux::MODELLED.contains(&(factor * known)));
-        if factor > 0.0 && is_written(&flux.radiant_w) && is_written(&flux.luminous_lm) {
+        let times = |known: Option<f64>| known.map(|known| factor * known);
+        let changed = Flux { radiant_w: times(flux.radiant_w), luminous_lm: times(flux.luminous_lm) };
+        if factor > 0.0 && changed.is_modelled() {
             return Ok(factor);
         }
         let remedy = "Give a positive factor or flux, such that the flux lies between 1e-20 and 1e24.";

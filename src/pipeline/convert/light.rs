@@ -167,7 +167,7 @@ fn differ(channels: &[Channel], index: usize) -> Error {
         "The rays of one file carry one kind of spectrum, and those of the channels do not: {}.",
         channels.iter().map(has).collect::<Vec<_>>().join(", ")
     );
-    let remedy = "Declare the spectrum of every channel (spectrum=FILE), or convert each file by itself.";
+    let remedy = "Declare the spectrum of every channel, or convert each file by itself.";
     Error::refused("convert.spectra_differ", found, remedy).at_channel(index, "spectrum")
 }
 

@@ -51,7 +51,11 @@ impl View {
             ]),
             View::Directions(directions) => listed(directions.len(), "intensity.directions"),
             View::Angles(angles) => listed(angles.len(), "intensity.angles_deg"),
-            View::Plane(plane) => Ok([plane.columns, plane.rows]),
+            View::Plane(plane) => {
+                view::length_mm("plane.width_mm", plane.width_mm)?;
+                view::length_mm("plane.height_mm", plane.height_mm)?;
+                Ok([plane.columns, plane.rows])
+            }
             View::Camera(camera) => Ok([camera.columns, camera.rows]),
         }
     }

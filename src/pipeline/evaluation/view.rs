@@ -118,7 +118,7 @@ fn geometry(option: &'static str, found: impl Into<String>, remedy: &'static str
 }
 
 /// A number that is positive and no farther than any place may be.
-fn length_mm(option: &'static str, mm: f64) -> Result<f64, Error> {
+pub fn length_mm(option: &'static str, mm: f64) -> Result<f64, Error> {
     let sound = mm > 0.0 && mm <= FARTHEST_MM;
     sound.then_some(mm).ok_or_else(|| geometry(option, format!("{mm} mm is no size."), "Give a positive length in mm."))
 }

@@ -81,7 +81,7 @@ pub fn project<L: FnMut(&Ray, Option<&Landing>, &Deposit)>(
     let fates = Tally::new(&quanta, FATES, Kept::Fluxes, limits)?;
     // The part of a ray's flux that each of its images has.
     let part = 1.0 / cloud.images() as f64;
-    let images = Images::of(hull);
+    let images = Images::of(hull)?;
     let image_count = images.as_ref().map_or(1, Images::count);
     let lay = |rays: &[Ray]| {
         let (mut triangles, mut vertices, mut laid) = (triangles.adding(), vertices.adding(), begin());
@@ -184,7 +184,7 @@ mod tests {
             let (min_mm, max_mm) = (DVec2::new(-0.6, -0.4), DVec2::new(0.6, 0.4));
             let patch = FocalPatch { surface, min_mm, max_mm, lit_mm2: 1.0, symmetry: Symmetry::None }.with(symmetry);
             let hull = sheet::of_grid(patch, cells, &vec![true; cells[0] * cells[1]]);
-            let (images, projector) = (Images::of(&hull).unwrap(), Projector::new(&hull));
+            let (images, projector) = (Images::of(&hull).unwrap().unwrap(), Projector::new(&hull));
             assert_eq!(images.count(), symmetry.images());
             let (mut once, mut each) =
                 ([vec![0.0; hull.triangles.len()], vec![0.0; hull.vertices_mm.len()]], [vec![], vec![]]);

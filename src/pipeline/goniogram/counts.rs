@@ -204,7 +204,7 @@ mod tests {
         for (turn, by_group) in [(0.0, true), (0.1, false)] {
             let patch = patch(turn);
             let hull = sheet::of_grid(patch, [10, 10], &[true; 100]);
-            let (images, projector) = (Images::of(&hull).unwrap(), Projector::new(&hull));
+            let (images, projector) = (Images::of(&hull).unwrap().unwrap(), Projector::new(&hull));
             // Zones that know nothing of the symmetry.
             let zone = |vertex: &DVec3| if vertex.x < 0.1 { 2 } else { u32::from(vertex.y > 0.2) };
             let zone_of_vertex: Vec<u32> = hull.vertices_mm.iter().map(zone).collect();

@@ -135,7 +135,7 @@ pub fn plan(
     let spectrum = cloud.spectral();
     let bands = if spectrum.has_bands() { spectrum.bands.len() } else { 0 };
     let quanta = Quanta::of(cloud);
-    let images = Images::of(hull);
+    let images = Images::of(hull)?;
     let counts = |zones: usize, zone_of_vertex: &[u32]| {
         let grids = Grids::new(&cloud.source.survey.directions, &frame, options, zones, bands, narrow.as_ref());
         let groups = Groups::new(zone_of_vertex, images.as_ref());

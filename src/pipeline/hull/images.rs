@@ -1,11 +1,13 @@
 //! Mirror images of the places of a symmetric grid. What lands in one sector of the grid stands for what lands at all of its images, so a ray
 //! is landed once, and its images are added when all rays have landed.
 
+use super::focal::FocalGrid;
 use super::mesh::Hull;
+use crate::error::Error;
 use std::collections::BTreeMap;
 
 /// Where the vertices and triangles of a symmetric grid, which are the first of the hull, have their images; by the numbers of
-/// [`FocalGrid::image`](super::focal::FocalGrid::image).
+/// [`FocalGrid::image`].
 #[derive(Clone, Debug)]
 pub struct Images {
     /// `[number][vertex]`.
@@ -18,8 +20,16 @@ pub struct Images {
 
 impl Images {
     /// Of the grid of `hull`; `None` where its light is not symmetric.
-    pub fn of(hull: &Hull) -> Option<Images> {
-        let grid = hull.focal.as_ref().filter(|grid| grid.images() > 1)?;
+    ///
+    /// # Errors
+    /// [`Error::Internal`] where the grid is not as symmetric as its light, which no grid of ours is.
+    pub fn of(hull: &Hull) -> Result<Option<Images>, Error> {
+        let Some(grid) = hull.focal.as_ref().filter(|grid| grid.images() > 1) else { return Ok(None) };
+        let images = Images::of_grid(hull, grid);
+        images.map(Some).ok_or_else(|| Error::Internal("a grid has no images of some of its places".to_owned()))
+    }
+
+    fn of_grid(hull: &Hull, grid: &FocalGrid) -> Option<Images> {
         let of_grid = &hull.triangles[..grid.triangle_count];
         let count = of_grid.iter().flatten().max().map_or(0, |last| *last as usize + 1);
         let vertex_at = |place: (usize, [f64; 2])| {

@@ -1,6 +1,6 @@
 //! Numbers that fill their space more evenly than chance: Sobol's sequence with the direction numbers of S. Joe and F. Y. Kuo (Constructing
 //! Sobol sequences with better two-dimensional projections, SIAM J. Sci. Comput. 30, 2635, 2008; file new-joe-kuo-6.21201), scrambled as A. B.
-//! Owen does, by a hash (B. Burley, Practical hash-based Owen scrambling, JCGT 9(4), 2020). Each number alone is even for a seed by chance, and
+//! Owen does, by a hash (B. Burley, Practical hash-based Owen scrambling, JCGT 9(4), 2020). Over seeds, each number alone is as even as chance has it, and
 //! what ray i gets depends on the seed and on i alone. Points that follow each other lie far from each other, always in the same way; so the rays of
 //! each 256 get theirs in random order.
 

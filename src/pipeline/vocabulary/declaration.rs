@@ -1,7 +1,7 @@
 //! What a user declares of a ray file, before the file's own word.
 
 use super::spectrum::Table;
-use super::units::{LengthUnit, Quantity};
+use super::units::{Flux, LengthUnit, Quantity};
 use crate::error::{Error, Place};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -99,11 +99,12 @@ impl Total {
     /// `rays.flux_impossible` at `place`.
     pub fn validate(self, place: Place) -> Result<(), Error> {
         let value = self.value();
-        if value > 0.0 && value.is_finite() {
+        if Flux::MODELLED.contains(&value) {
             return Ok(());
         }
-        let found = format!("The declared flux is {value} {}.", self.quantity().unit());
-        Err(Error::invalid_declaration("rays.flux_impossible", place, found, "Declare a positive number."))
+        let found = format!("The declared flux is {value:e} {}.", self.quantity().unit());
+        let remedy = "Declare a positive number, from 1e-20 to 1e24.";
+        Err(Error::invalid_declaration("rays.flux_impossible", place, found, remedy))
     }
 }
 

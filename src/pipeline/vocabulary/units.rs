@@ -155,6 +155,13 @@ impl Flux {
     /// model's files.
     pub const MODELLED: RangeInclusive<f64> = 1e-20..=1e24;
 
+    /// Whether a source of this flux can be modelled: its primary flux lies in [`Flux::MODELLED`], and the other, which may be next to
+    /// nothing as the lumens of infrared, is not above.
+    pub fn is_modelled(&self) -> bool {
+        let below = |flux: Option<f64>| flux.is_none_or(|flux| flux <= *Flux::MODELLED.end());
+        Flux::MODELLED.contains(&self.primary()) && below(self.radiant_w) && below(self.luminous_lm)
+    }
+
     /// The flux that weights rays where only one number is wanted: radiant where known, else luminous.
     /// Unit: [`Flux::primary_unit`].
     pub fn primary(&self) -> f64 {
