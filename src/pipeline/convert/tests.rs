@@ -326,7 +326,7 @@ fn spectra_of_channels_stay_with_their_rays_or_are_refused() {
     let bare = |declared: Declared| [channel("a", 100, 1, blue.clone()), Input { declared, ..input(zemax.clone()) }];
     let error = written(&bare(Declared::default()), &wanted(Target::Tm25)).unwrap_err();
     assert_eq!(error.code(), "convert.spectra_differ");
-    assert!(error.to_string().contains("spectrum=FILE"), "{error}");
+    assert!(error.to_string().contains("Declare the spectrum of every channel"), "{error}");
     assert_eq!(written(&bare(red), &wanted(Target::Tm25)).unwrap().1.rays_written, 200);
 }
 
