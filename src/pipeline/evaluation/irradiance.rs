@@ -29,8 +29,6 @@ const PLANES: f64 = 1.5;
 const EVEN: f64 = 0.5;
 /// Least edge of a part of a triangle or cell. What is smaller and still as near as it is wide is bounded by the solid angle it can have.
 const LEAST_EDGE: f64 = 1.0 / (1 << 26) as f64;
-/// A part that is nearer than this part of its radius is touched: rounding may have moved its border.
-const HAIR: f64 = 1e-3;
 /// Errors may be this part of what an even source of the same flux would send there, however dark the place is.
 const DARK: f64 = 1e-3;
 /// Looks at parts after which sums are formed anew, so that rounding does not pile up.
@@ -246,9 +244,7 @@ impl<'e, 'a> Quadrature<'e, 'a> {
         let heights_mm = heights_mm(bounds_mm, at);
         let beside_mm = at.point_mm.clamp(bounds_mm.min, bounds_mm.max).distance(at.point_mm);
         // A point of the surface itself has another irradiance just above it: that is no darkness.
-        let hair_mm = HAIR * radius_mm;
-        let is_below = if beside_mm <= hair_mm { heights_mm[1] < -hair_mm } else { heights_mm[1] <= 0.0 };
-        if is_below {
+        if heights_mm[1] < 0.0 || (heights_mm[1] <= 0.0 && beside_mm > 0.0) {
             return Judged::Dark;
         }
         *evaluations += 1;

@@ -402,14 +402,6 @@ fn points_of_the_surface_have_a_bound_that_tells() {
     let lamp = square(1.0, 8, SphereGrid::new(72, 1), |_| 1.0);
     let (found, bound) = irradiance(&lamp, DVec3::new(0.01, 0.02, 0.0), DVec3::NEG_Z);
     assert!((found - 0.5).abs() <= bound && bound.is_finite(), "{found} {bound}");
-    // 1 W/mm² just above; corners, edges and insides of triangles, of which none may hide a point by rounding.
-    for normal in [DVec3::NEG_Z, DVec3::Z] {
-        for (x, y) in (0..15).flat_map(|x| (0..15).map(move |y| (x, y))) {
-            let [x, y] = [x, y].map(|at| 0.9 * (f64::from(at) + 0.5) / 15.0 - 0.45);
-            let (found, bound) = irradiance(&lamp, DVec3::new(x, y, 0.0), normal);
-            assert!(bound > 1.0 && bound.is_finite(), "{x} {y}: {found} {bound}");
-        }
-    }
 }
 
 #[test]
