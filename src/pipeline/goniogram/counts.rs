@@ -183,7 +183,7 @@ mod tests {
     use crate::vocabulary::units::Flux;
     use glam::DVec2;
 
-    /// A dome under which four mirrors lie, turned about its axis.
+    /// A part of a ball whose light has four mirror planes, turned about its axis.
     fn patch(turn: f64) -> FocalPatch {
         let surface = FocalSurface { apex_mm: DVec3::ZERO, axes: DMat3::from_rotation_z(turn), curvature_per_mm: -0.7 };
         let (min_mm, max_mm) = (DVec2::splat(-0.6), DVec2::splat(0.6));

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 /// How much more than expected noise must explain before a difference counts, where a scale shows nothing but noise: 1 follows noise where
 /// the true ratio is flat, 2 blurs.
 const CAUTION: f64 = 1.5;
-/// Signal on a scale, in parts of its noise, at which the caution is halfway between the two.
+/// Signal on a scale, in parts of its noise, at which the caution is halfway from [`CAUTION`] to [`Caution::least`].
 const HALFWAY: f64 = 0.5;
 /// The variance of a scale is at least this part of what it was before what coarser scales took of it.
 const LEAST_NEW_NOISE: f64 = 0.25;
