@@ -149,6 +149,85 @@ fn a_flat_source_may_be_asked_for_as_a_volume() {
     assert!((sum / chip.flux.radiant_w.unwrap() - 1.0).abs() < 1e-9, "{sum} W");
 }
 
+/// The model of the rays in a text file in mm.
+fn of_text(text: String) -> Outcome {
+    let declared = Declared { length_unit: Some(LengthUnit::Millimetre), ..Declared::default() };
+    let input = Input {
+        name: "rays.txt".into(),
+        sha256: "0".repeat(64),
+        bytes: Arc::new(text.into_bytes()),
+        declared,
+        notices: Vec::new(),
+    };
+    run(&[input], &Options::default(), &Limits::default(), &NoProgress).unwrap()
+}
+
+/// Lambertian light round Z from two random numbers.
+fn lambertian(u: f64, v: f64) -> DVec3 {
+    let (sin, cos) = (TAU * v).sin_cos();
+    DVec3::new(u.sqrt() * cos, u.sqrt() * sin, (1.0 - u).sqrt())
+}
+
+/// A reflector's parallel light from a disc of 60 mm, 0.7 W within a cone of 2° (sin² uniform), and in its middle the filament itself, 0.3 W of Lambertian
+/// light from a disc of 1 mm. Above the middle the beam gives 0.7 W/(π 30² mm²) as long as its cone does not reach the rim, the filament 0.3 W/(π d²).
+#[test]
+fn a_filament_in_a_beam_does_not_brighten_it() {
+    let mut random = ChaCha8Rng::seed_from_u64(4);
+    let mut text = String::from("# x y z dx dy dz power_W\n");
+    let widest = 2f64.to_radians().sin().powi(2);
+    for _ in 0..RAYS {
+        let [a, b, c, d, e] = [0; 5].map(|_| uniform(&mut random));
+        let is_beam = a < 0.7;
+        let radius_mm = if is_beam { 30.0 } else { 0.5 } * b.sqrt();
+        let (sin, cos) = (TAU * c).sin_cos();
+        let to = lambertian(if is_beam { widest * d } else { d }, e);
+        text += &format!("{:.6} {:.6} 0 {:.9} {:.9} {:.9} 5e-6\n", radius_mm * cos, radius_mm * sin, to.x, to.y, to.z);
+    }
+    let outcome = of_text(text);
+    let evaluator = Evaluator::new(&outcome.model, Quantity::Radiant).unwrap();
+    for height_mm in [40.0, 80.0, 160.0] {
+        let exact = 0.7 / (PI * 900.0) + 0.3 / (PI * height_mm * height_mm);
+        let at = |x: f64, y: f64| evaluator.irradiance(DVec3::new(x, y, height_mm), DVec3::NEG_Z);
+        // Within 1 mm the filament's part hardly changes.
+        let found = [(0.0, 0.0), (0.7, 0.0), (-0.7, 0.0), (0.0, 0.7), (0.0, -0.7)].map(|(x, y)| at(x, y));
+        let mean = found.iter().sum::<f64>() / found.len() as f64;
+        println!("{height_mm} mm above: {:+.3}", mean / exact - 1.0);
+        assert!((mean / exact - 1.0).abs() < 0.1, "{height_mm} mm above: {:+.3}", mean / exact - 1.0);
+    }
+}
+
+/// Two chips of different colours that shine alike: as bright on one side as on the other, but no image of each other. Their rays start on a
+/// plane ahead of them.
+#[test]
+fn colours_side_by_side_are_not_mirrored() {
+    let mut random = ChaCha8Rng::seed_from_u64(6);
+    let mut text = String::from("# x y z dx dy dz power_W wavelength_nm\n");
+    for _ in 0..BEAM_RAYS {
+        let [a, b, c, d, e] = [0; 5].map(|_| uniform(&mut random));
+        let is_red = a < 0.5;
+        let (to, middle_mm) = (lambertian(d, e), if is_red { -1.0 } else { 1.0 });
+        let from_mm = DVec3::new(middle_mm + b - 0.5, c - 0.5, 0.0) + to / to.z;
+        let nm = if is_red { 620 } else { 470 };
+        text += &format!("{:.6} {:.6} 1 {:.9} {:.9} {:.9} 1 {nm}\n", from_mm.x, from_mm.y, to.x, to.y, to.z);
+    }
+    let model = of_text(text).model;
+    let study = model.study.as_ref().unwrap();
+    assert_eq!(study.surface().unwrap().surface(), "plane", "{:?}", study.candidates);
+    assert!(study.figures.iter().filter(|figure| figure.view.is_spectral()).count() > 1);
+    for figure in &study.figures {
+        println!("{}: {figure}", figure.view);
+        assert!(!figure.is_worse_than_rays(), "{}: {figure}", figure.view);
+    }
+    // A vertex of the left chip sends red light.
+    let flux = model.surface.vertices.primary();
+    let red = model.spectral.bands.band(620.0).unwrap();
+    let sums =
+        (0..flux.len()).filter(|vertex| model.hull.vertices_mm[*vertex].x < 0.0).fold((0.0, 0.0), |sums, vertex| {
+            (sums.0 + model.surface.vertices.columns_of(vertex)[red], sums.1 + flux[vertex])
+        });
+    assert!(sums.0 > 0.98 * sums.1, "{} of {} W", sums.0, sums.1);
+}
+
 /// A round Gaussian beam: peak 1/(2π σ²) per sr, σ the standard deviation of the tangent; the peak is right within 2 % or three times its
 /// stated noise, and a reader who takes the mean of neighbouring nodes for the zone between them finds the flux within 0.5 %.
 #[test]
@@ -165,15 +244,7 @@ fn narrow_beams_keep_their_peak_and_their_flux() {
             let to = axis * DVec3::new(radius * cos, radius * sin, 1.0).normalize();
             text += &format!("{c:.5} {d:.5} 0 {:.9} {:.9} {:.9} 1\n", to.x, to.y, to.z);
         }
-        let declared = Declared { length_unit: Some(LengthUnit::Millimetre), ..Declared::default() };
-        let input = Input {
-            name: "beam.txt".into(),
-            sha256: "0".repeat(64),
-            bytes: Arc::new(text.into_bytes()),
-            declared,
-            notices: Vec::new(),
-        };
-        let outcome = run(&[input], &Options::default(), &Limits::default(), &NoProgress).unwrap();
+        let outcome = of_text(text);
         let (goniograms, total) = (&outcome.model.goniograms, &outcome.model.goniograms.total);
         let (nodes, flux) = (total.radiant_w_per_sr.as_ref().unwrap(), total.flux.radiant_w.unwrap());
         let peak = nodes.iter().copied().fold(0.0, f64::max) / flux;

@@ -10,6 +10,8 @@ mod sample;
 mod patch;
 /// Planes and spheres on which the light is sharpest.
 mod sharpness;
+/// Mirror planes of the spectrum.
+mod symmetric_spectrum;
 /// A model made of a part of the rays, judged by the others.
 mod verification;
 
@@ -32,7 +34,8 @@ pub use sample::Sample;
 use sharpness::{Search, Sharp};
 use std::collections::VecDeque;
 use std::f64::consts::PI;
-use verification::{BandGroups, verify};
+use symmetric_spectrum::has_symmetric_spectrum;
+use verification::{BandGroups, GROUPS, verify};
 
 /// A focal surface is a candidate where its light is so much sharper than on a flat source's own plane, and a sphere where it is so much
 /// sharper than on the best plane: gain of the mean logarithm of the radiance.
@@ -112,7 +115,10 @@ pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageW
             }
         }
         if open.is_empty() {
-            open.extend(more_symmetric(carrier, &study));
+            open.extend(more_symmetric(carrier, &study, |patch| {
+                let parts = |ray: &Ray| spectral_parts(groups.as_ref(), ray);
+                has_symmetric_spectrum(patch, &sample.training.rays, parts)
+            }));
         }
     }
     let carrier = study.candidates[study.chosen].carrier;
@@ -136,9 +142,20 @@ fn part_of(part: StageWatch<'_>, stage: Stage) -> StageWatch<'_> {
     }
 }
 
+/// Parts of the light of a ray by wavelength: groups of bands, or its shares of tristimulus X, Y and Z where there are no bands.
+fn spectral_parts(groups: Option<&BandGroups>, ray: &Ray) -> [f64; GROUPS] {
+    let [x, z] = ray.xz_lm;
+    let sum = x + ray.luminous_lm + z;
+    match groups {
+        Some(groups) => groups.of_ray(ray),
+        None if x + z > 0.0 => [x / sum, ray.luminous_lm / sum, z / sum, 0.0, 0.0, 0.0],
+        None => [0.0; GROUPS],
+    }
+}
+
 /// Whether the best focal surface is symmetric is tried last, even where another surface is better than it is alone: the most symmetric
-/// first, after `tried` the next, until one is taken.
-fn more_symmetric(tried: Carrier, study: &Study) -> Option<Carrier> {
+/// first, after `tried` the next, until one is taken. Only symmetries that the spectrum has too are tried.
+fn more_symmetric(tried: Carrier, study: &Study, has_spectrum: impl Fn(&FocalPatch) -> bool) -> Option<Carrier> {
     let symmetry = |carrier: Carrier| carrier.patch().map_or(Symmetry::None, |patch| patch.symmetry);
     if symmetry(study.candidates[study.chosen].carrier) != Symmetry::None {
         return None;
@@ -146,12 +163,9 @@ fn more_symmetric(tried: Carrier, study: &Study) -> Option<Carrier> {
     let plain = study.candidates.iter().filter(|candidate| symmetry(candidate.carrier) == Symmetry::None);
     let focal = plain.filter_map(|candidate| Some((candidate.log_radiance, candidate.carrier.patch()?)));
     let (_, best) = focal.max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let next = match symmetry(tried) {
-        Symmetry::None => Symmetry::FourMirrors,
-        Symmetry::FourMirrors => Symmetry::TwoMirrors,
-        Symmetry::TwoMirrors => return None,
-    };
-    Some(Carrier::Focal(best.with(next)))
+    let left = [Symmetry::FourMirrors, Symmetry::TwoMirrors].into_iter();
+    let left = left.filter(|next| symmetry(tried) == Symmetry::None || *next < symmetry(tried));
+    left.map(|next| best.with(next)).find(|patch| has_spectrum(patch)).map(Carrier::Focal)
 }
 
 /// Where the light may be put, the simplest first; at least one.

@@ -33,7 +33,7 @@ const SPECTRAL_PLANES: [f64; 2] = [0.5, 2.0];
 const SIDE: usize = 24;
 const SPECTRAL_SIDE: usize = 12;
 /// Groups of bands that are told apart.
-const GROUPS: usize = 6;
+pub const GROUPS: usize = 6;
 /// Rays drawn for each half.
 const DRAWN: u64 = 1 << 18;
 /// Rays drawn at a time.
@@ -81,7 +81,8 @@ impl BandGroups {
         Some(BandGroups { of_band, of_column })
     }
 
-    fn of_ray(&self, ray: &Ray) -> [f64; GROUPS] {
+    /// The share of a ray's light in each group.
+    pub fn of_ray(&self, ray: &Ray) -> [f64; GROUPS] {
         self.of_column.get(ray.column as usize).copied().unwrap_or_default()
     }
 }

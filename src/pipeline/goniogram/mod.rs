@@ -239,12 +239,16 @@ impl Plan {
             })
         };
         let whole = of_volume.or_else(of_zones);
+        let mixtures = match zoning.lattice {
+            Some(_) => zoning.mixtures,
+            None => mixture::interpolated(hull, surface.vertices.primary(), &zoning.mixtures),
+        };
         Ok(Goniograms {
             frame: zoning.frame,
             lattice: zoning.lattice,
             zones,
             zone_of_vertex: zoning.zone_of_vertex,
-            mixtures: zoning.mixtures,
+            mixtures,
             total: whole.map(|whole| grids.goniogram(&whole, spectrum)).unwrap_or_default(),
             grid: grids.fine,
             spectral_grid: grids.spectral,

@@ -3,7 +3,7 @@
 use super::ancestry::Ancestry;
 use super::intensity::Goniogram;
 use super::kinds::kinds;
-use super::mixture::{Mixture, blend};
+use super::mixture::{Middle, Mixture, blend};
 use crate::flux::Surface;
 use crate::hull::Hull;
 use crate::vocabulary::space::{Bounds, Frame};
@@ -176,8 +176,15 @@ impl Zoning {
         self.zone_of_vertex.iter_mut().for_each(|zone| *zone = zone_of_zone[*zone as usize]);
         self.zones = (0..self.family.len()).map(|id| Zone::empty(id as u32, None)).collect();
         describe(&mut self.zones, &self.zone_of_vertex, hull, surface);
-        let middles_mm: Vec<DVec3> = self.zones.iter().map(|zone| zone.centroid_mm).collect();
-        self.mixtures = blend(hull, &middles_mm, &self.zone_of_vertex, &self.family);
+        let flux = surface.vertices.primary();
+        let mut of_zone = vec![0.0; self.zones.len()];
+        self.zone_of_vertex.iter().zip(flux).for_each(|(zone, flux)| of_zone[*zone as usize] += flux);
+        let middle = |(zone, flux): (&Zone, f64)| {
+            let exitance = if zone.area_mm2 > 0.0 { flux / zone.area_mm2 } else { 0.0 };
+            Middle { zone: zone.id, at_mm: zone.centroid_mm, exitance }
+        };
+        let middles = self.zones.iter().zip(of_zone).map(middle).collect();
+        self.mixtures = blend(hull, flux, middles, &self.zone_of_vertex, &self.family);
         zone_of_zone
     }
 

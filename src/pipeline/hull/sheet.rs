@@ -13,10 +13,12 @@ use glam::DVec3;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Rays to a cell of the grid, and fewest and most cells along its longest side, unless asked otherwise.
+/// Rays to a cell of the grid, and fewest and most cells along its longest side, unless asked otherwise: the second number where most of the light
+/// comes from less than a 16th of the grid, the first where it comes from more than a quarter.
 const RAYS_PER_CELL: f64 = 60.0;
 const FEWEST_CELLS: f64 = 16.0;
-const MOST_CELLS: f64 = 64.0;
+const MOST_CELLS: [f64; 2] = [64.0, 128.0];
+const MOSTLY_LIT: f64 = 0.25;
 /// A cell is at least this part of its length thick.
 const THINNEST: f64 = 1e-3;
 
@@ -31,7 +33,9 @@ pub fn wrap(
 ) -> Result<Hull, Error> {
     let extent_mm = patch.max_mm - patch.min_mm;
     let cell_mm = (patch.lit_mm2 * RAYS_PER_CELL / cloud.ray_count().max(1) as f64).sqrt();
-    let by_rays = (extent_mm.max_element() / cell_mm).clamp(FEWEST_CELLS, MOST_CELLS);
+    let lit = patch.lit_mm2 / extent_mm.element_product();
+    let most = (MOST_CELLS[0] * (MOSTLY_LIT / lit).sqrt()).clamp(MOST_CELLS[0], MOST_CELLS[1]);
+    let by_rays = (extent_mm.max_element() / cell_mm).clamp(FEWEST_CELLS, most);
     let longest = resolution.map_or(by_rays, f64::from);
     // A symmetric grid has no middle column, which would be on neither side.
     let sides = if patch.symmetry == Symmetry::None { 1 } else { 2 };
