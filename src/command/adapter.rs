@@ -8,7 +8,6 @@ use super::terminal::table::{Table, count};
 use clap::Args;
 use pipeline::adapters::{Adapted, Renderer, adapt};
 use pipeline::evaluation::Kind;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `adapter`.
@@ -49,11 +48,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let folder = &arguments.output;
     let model = stored(&arguments.model)?;
     let adapted = adapt(&model, arguments.renderer, arguments.light)?;
-    let _made = NewFolder::make(folder)?;
+    let mut made = NewFolder::make(folder)?;
     for file in &adapted.files {
-        let path = folder.join(&file.name);
-        fs::write(&path, &file.bytes).map_err(|error| Failure::disk(&path, &error))?;
+        made.put(&file.name, &file.bytes)?;
     }
+    made.keep();
     output::print(summary(&model.name, &adapted, folder))
 }
 
@@ -76,6 +75,7 @@ fn summary(model: &str, adapted: &Adapted, folder: &Path) -> Table {
 mod tests {
     use super::*;
     use crate::command::rays::tests::model;
+    use std::fs;
 
     fn asked(renderer: Renderer, model: &Path, output: &Path) -> Arguments {
         Arguments { renderer, model: model.to_owned(), output: output.to_owned(), light: None }
@@ -98,7 +98,7 @@ mod tests {
             assert!(readme.starts_with("lamp for") && readme.contains("cd/m2") && !readme.contains(['{', '}']));
             // A second time the folder is not empty.
             let again = run(&asked(known, folder.path(), &output)).unwrap_err().to_string();
-            assert!(again.contains("build.output"), "{again}");
+            assert!(again.contains("output.not_empty"), "{again}");
         }
     }
 

@@ -17,7 +17,6 @@ use pipeline::model::Model;
 use pipeline::model::channel::Origin;
 use pipeline::model::study::View;
 use pipeline::{Declared, Input, Limits, Outcome, Stage, Total};
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -50,13 +49,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     options.rays.total = arguments.total;
     options.validate()?;
     let folder = &arguments.output;
-    let _made = NewFolder::make(folder)?;
+    let made = NewFolder::make(folder)?;
     let inputs = arguments.files.iter().map(ChannelFile::open).collect::<Result<Vec<Input>, Failure>>()?;
     let progress = Progress::start();
     let outcome = on_threads(arguments.threads, || pipeline::run(&inputs, &options, &Limits::default(), &progress))?;
     let times = progress.finish();
     let outcome = outcome.map_err(|error| Failure::from(error).at(names(&inputs)))?;
-    write(folder, &outcome)?;
+    write(made, &outcome)?;
     output::print(summary(&outcome, &times, folder))
 }
 
@@ -76,16 +75,13 @@ fn on_threads<T: Send>(threads: Option<usize>, work: impl FnOnce() -> T + Send) 
 ///
 /// # Errors
 /// What the disk answers.
-pub fn write(folder: &Path, outcome: &Outcome) -> Result<(), Failure> {
-    let put = |name: &str, bytes: &[u8]| {
-        let path = folder.join(name);
-        let written = path.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::write(&path, bytes));
-        written.map_err(|error| Failure::disk(&path, &error))
-    };
+pub fn write(mut folder: NewFolder, outcome: &Outcome) -> Result<(), Failure> {
     for artifact in &outcome.artifacts {
-        put(&artifact.name, &artifact.bytes)?;
+        folder.put(&artifact.name, &artifact.bytes)?;
     }
-    put("model.zip", &zip(&outcome.artifacts)?)
+    folder.put("model.zip", &zip(&outcome.artifacts)?)?;
+    folder.keep();
+    Ok(())
 }
 
 /// The closing table: what went in, what came out, where the time went.

@@ -30,13 +30,13 @@ pub struct Arguments {
 /// A model cannot be read, its change cannot be made, they cannot be one, or the disk refuses an operation.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let folder = &arguments.output;
-    let _made = NewFolder::make(folder)?;
+    let made = NewFolder::make(folder)?;
     let components = arguments.models.iter().map(ModelFile::open).collect::<Result<Vec<Component>, Failure>>()?;
     let progress = Progress::start_evaluating();
     let outcome = pipeline::combine(&components, &Options::default(), &Limits::default(), &progress);
     progress.finish();
     let outcome = outcome.map_err(|error| Failure::from(error).at(names(&arguments.models)))?;
-    write(folder, &outcome)?;
+    write(made, &outcome)?;
     output::print(summary(&outcome, folder))
 }
 
@@ -102,9 +102,9 @@ mod tests {
         let folder = model(20_000);
         let at = |name: &str| folder.path().join(name).display().to_string();
         for (models, code) in [
-            (format!("{} -o {}", at(""), at("")), "build.output"),
+            (format!("{} -o {}", at(""), at("")), "output.not_empty"),
             (format!("{},scale=0 -o {}", at(""), at("new")), "combination.change"),
-            (format!("{} -o {}", at("README.txt"), at("new")), "model.archive"),
+            (format!("{} -o {}", at("README.txt"), at("new")), "model.not_model"),
             (format!("{} -o {}", at("nowhere"), at("new")), "file.disk"),
             (format!("-o {}", at("new")), "required"),
         ] {

@@ -3,6 +3,7 @@
 use super::channel_argument;
 use super::channel_argument::ChannelFile;
 use super::inspect::notice_rows;
+use super::terminal::destination::NewFile;
 use super::terminal::failure::Failure;
 use super::terminal::progress::Progress;
 use super::terminal::table::{Table, count, flux};
@@ -11,9 +12,6 @@ use clap::{Args, ValueEnum};
 use pipeline::convert::{Converted, Failed, Take, Target, Wanted};
 use pipeline::vocabulary::watch::StageWatch;
 use pipeline::{Input, Limits, Stage, Total, convert};
-use std::fs;
-use std::fs::{File, OpenOptions};
-use std::io;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `convert`.
@@ -34,13 +32,13 @@ pub struct Arguments {
     format: Option<OutputFormat>,
     /// Write the rays in random order; the same seed gives the same order. The file may be larger than memory: it is shuffled on
     /// the disk, in parts of 64 MiB.
-    #[arg(long, value_name = "SEED")]
+    #[arg(long, value_name = "SEED", value_parser = measure::whole::<u64>)]
     shuffle: Option<u64>,
     /// Write so many rays, picked at random from all of them, with their flux scaled so that the total of each file stays.
     #[arg(long, value_name = "N", value_parser = measure::rays)]
     take: Option<u64>,
     /// Which rays --take picks; the same seed picks the same rays.
-    #[arg(long, value_name = "SEED", default_value_t = 1, requires = "take")]
+    #[arg(long, value_name = "SEED", default_value_t = 1, requires = "take", value_parser = measure::whole::<u64>)]
     take_seed: u64,
     /// Replace the file if it exists.
     #[arg(long)]
@@ -92,7 +90,8 @@ impl OutputFormat {
 /// A file cannot be read, is refused or does not fit the format; the output file exists; or the disk refuses an operation.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let path = &arguments.output;
-    let format = destination(path, arguments.format, arguments.force)?;
+    let format = format_of(path, arguments.format)?;
+    let file = NewFile::at(path, arguments.force)?;
     let inputs = arguments.files.iter().map(ChannelFile::open).collect::<Result<Vec<Input>, Failure>>()?;
     let wanted = Wanted {
         target: format.target(),
@@ -100,65 +99,33 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         take: arguments.take.map(|rays| Take { rays, seed: arguments.take_seed }),
         shuffle: arguments.shuffle,
     };
-    let converted = write(&inputs, &wanted, path)?;
+    let converted = write(&inputs, &wanted, &file)?;
     output::print(summary(&inputs, &converted, format, path))
 }
 
-/// The format of a ray file to be written, which must not exist yet unless it may be replaced.
+/// The format of a ray file to be written.
 ///
 /// # Errors
-/// Neither flag nor extension names a format; the file exists.
-pub fn destination(path: &Path, format: Option<OutputFormat>, force: bool) -> Result<OutputFormat, Failure> {
-    let place = || path.display().to_string();
-    let format = format.or_else(|| OutputFormat::of(path)).ok_or_else(|| {
+/// Neither flag nor extension names a format.
+pub fn format_of(path: &Path, format: Option<OutputFormat>) -> Result<OutputFormat, Failure> {
+    format.or_else(|| OutputFormat::of(path)).ok_or_else(|| {
         let found = "The extension of the output file does not name a format.";
-        Failure::usage("convert.format", found, "Use the extension .tm25ray, .dat, .sdf or .ray, or give --format.")
-            .at(place())
-    })?;
-    if path.exists() && !force {
-        return Err(Failure::existing("convert.exists", path));
-    }
-    Ok(format)
+        Failure::usage("output.format", found, "Use the extension .tm25ray, .dat, .sdf or .ray, or give --format.")
+            .at(path.display().to_string())
+    })
 }
 
-fn write(inputs: &[Input], wanted: &Wanted, path: &Path) -> Result<Converted, Failure> {
+fn write(inputs: &[Input], wanted: &Wanted, file: &NewFile) -> Result<Converted, Failure> {
     let progress = Progress::start_reading();
-    let converted = write_whole(path, |file| {
+    let converted = file.write(|file| {
         let watch = StageWatch::enter(&progress, Stage::Rays)?;
         convert::convert(inputs, wanted, &Limits::default(), file, watch)
     });
     progress.finish();
     converted.map_err(|failed| match failed {
         Failed::Read(error) => Failure::from(error).at(names(inputs)),
-        Failed::Write(error) => Failure::disk(path, &error),
+        other => file.failure(other),
     })
-}
-
-/// Writes under another name first, so that no program sees an incomplete file, and the old file stays until the new one is
-/// complete.
-///
-/// # Errors
-/// Those of `fill`, or of the disk; a device, a pipe or a folder is not replaced.
-pub fn write_whole<T>(path: &Path, fill: impl FnOnce(&mut File) -> Result<T, Failed>) -> Result<T, Failed> {
-    if fs::metadata(path).is_ok_and(|found| !found.is_file()) {
-        let found = "this is a device, a pipe or a folder, which a whole file cannot take the place of";
-        return Err(Failed::Write(io::Error::new(io::ErrorKind::InvalidInput, found)));
-    }
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let part = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
-    let mut file = OpenOptions::new().read(true).write(true).create_new(true).open(&part)?;
-    let filled = || {
-        let filled = fill(&mut file)?;
-        file.sync_all()?;
-        fs::rename(&part, path)?;
-        Ok(filled)
-    };
-    let done = filled();
-    if done.is_err() {
-        // What went wrong is told already; a part that stays behind is only untidy.
-        let _ = fs::remove_file(&part);
-    }
-    done
 }
 
 fn names(inputs: &[Input]) -> String {
@@ -189,6 +156,7 @@ mod tests {
     use super::*;
     use clap::Parser;
     use pipeline::known_sources::{by_name, write_tm25};
+    use std::fs;
     use std::fs::File;
 
     #[derive(Parser)]
@@ -237,7 +205,7 @@ mod tests {
             run(&asked(&lamp, &output)).unwrap();
             assert_eq!(fs::metadata(&output).unwrap().len(), size, "{name}");
         }
-        assert!(run(&asked(&lamp, &folder.path().join("d.txt"))).unwrap_err().to_string().contains("convert.format"));
+        assert!(run(&asked(&lamp, &folder.path().join("d.txt"))).unwrap_err().to_string().contains("output.format"));
         let named = Arguments { format: Some(OutputFormat::Zemax), ..asked(&lamp, &folder.path().join("d.txt")) };
         run(&named).unwrap();
         assert_eq!(names(folder.path()), ["a.dat", "b.SDF", "c.tm25ray", "d.txt", "e.ray", "lamp.tm25ray"]);
@@ -248,7 +216,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (lamp, output) = (lamp(folder.path()), folder.path().join("out.dat"));
         fs::write(&output, "precious").unwrap();
-        assert!(run(&asked(&lamp, &output)).unwrap_err().to_string().contains("convert.exists"));
+        assert!(run(&asked(&lamp, &output)).unwrap_err().to_string().contains("output.exists"));
         let damaged = folder.path().join("damaged.tm25ray");
         fs::write(&damaged, &fs::read(&lamp).unwrap()[..40_000]).unwrap();
         let forced = |file: &Path| run(&Arguments { force: true, ..asked(file, &output) });

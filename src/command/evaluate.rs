@@ -1,19 +1,17 @@
 //! `evaluate`: intensity, irradiance or luminance of a model, as numbers or as a picture.
 
-use super::convert::write_whole;
 use super::inspect::notice_rows;
 use super::rays::stored;
-use super::terminal::argument;
+use super::terminal::destination::NewFile;
 use super::terminal::failure::Failure;
 use super::terminal::output;
 use super::terminal::progress::Progress;
 use super::terminal::table::{Table, count, number};
+use super::terminal::{argument, measure};
 use clap::{Args, Subcommand};
 use pipeline::Stage;
-use pipeline::convert::Failed;
 use pipeline::evaluation::{Answer, Camera, Form, Kind, Plane, Request, TOLERANCE, Vector, View, Width, evaluate};
 use pipeline::vocabulary::watch::StageWatch;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `evaluate`.
@@ -61,10 +59,10 @@ struct Written {
 #[derive(Args)]
 struct Intensity {
     /// Step of C, degrees.
-    #[arg(long, value_name = "DEG", default_value_t = 15.0)]
+    #[arg(long, value_name = "DEG", default_value_t = View::C_STEP_DEG)]
     c_step: f64,
     /// Step of gamma, degrees.
-    #[arg(long, value_name = "DEG", default_value_t = 5.0)]
+    #[arg(long, value_name = "DEG", default_value_t = View::GAMMA_STEP_DEG)]
     gamma_step: f64,
     /// A direction in the axes of the source, instead of the grid; can be repeated.
     #[arg(long, value_name = "X,Y,Z", value_parser = argument::vector, allow_hyphen_values = true, conflicts_with = "at")]
@@ -94,10 +92,10 @@ struct OnPlane {
     #[arg(long, value_name = "MM")]
     height: Option<f64>,
     /// Cells in a row.
-    #[arg(long, value_name = "N", default_value_t = Plane::COLUMNS)]
+    #[arg(long, value_name = "N", default_value_t = Plane::COLUMNS, value_parser = measure::whole::<usize>)]
     columns: usize,
     /// Rows [default: so many that cells are square].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = measure::whole::<usize>)]
     rows: Option<usize>,
     /// Error that is aimed at, as a part of each value.
     #[arg(long, value_name = "PART", default_value_t = TOLERANCE)]
@@ -124,13 +122,13 @@ struct Seen {
     #[arg(long, value_name = "DEG")]
     field: Option<f64>,
     /// Cells in a row.
-    #[arg(long, value_name = "N", default_value_t = Camera::COLUMNS)]
+    #[arg(long, value_name = "N", default_value_t = Camera::COLUMNS, value_parser = measure::whole::<usize>)]
     columns: usize,
     /// Rows [default: as many as columns].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = measure::whole::<usize>)]
     rows: Option<usize>,
     /// Lines along each side of a cell, whose mean is its value; 1 is the line through its middle.
-    #[arg(long, value_name = "N", default_value_t = Camera::SAMPLES)]
+    #[arg(long, value_name = "N", default_value_t = Camera::SAMPLES, value_parser = measure::whole::<usize>)]
     samples: usize,
     #[command(flatten)]
     written: Written,
@@ -204,7 +202,8 @@ impl ViewArguments {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let written = arguments.view.written();
     let path = &written.output;
-    let form = destination(path, written)?;
+    let form = form_of(path, written)?;
+    let file = NewFile::at(path, written.force)?;
     let model = stored(&arguments.model)?;
     let progress = Progress::start_evaluating();
     let evaluated = StageWatch::enter(&progress, Stage::Model)
@@ -212,26 +211,18 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     progress.finish();
     let answer = evaluated?;
     let bytes = answer.write(form)?.bytes;
-    write_whole(path, |file| Ok(file.write_all(&bytes)?)).map_err(|failed| match failed {
-        Failed::Read(error) => Failure::from(error),
-        Failed::Write(error) => Failure::disk(path, &error),
-    })?;
+    file.write_all(&bytes)?;
     output::print(summary(&answer, path, bytes.len() as u64))
 }
 
-/// The form of the file, which must not exist yet unless it may be replaced.
-fn destination(path: &Path, written: &Written) -> Result<Form, Failure> {
-    let place = || path.display().to_string();
+/// The form of the file.
+fn form_of(path: &Path, written: &Written) -> Result<Form, Failure> {
     let by_extension = || Form::of_extension(path.extension()?.to_str()?);
-    let form = written.format.or_else(by_extension).ok_or_else(|| {
+    written.format.or_else(by_extension).ok_or_else(|| {
         let found = "The extension of the output file does not name a form.";
-        Failure::usage("evaluate.format", found, "Use the extension .json, .csv, .tiff or .svg, or give --format.")
-            .at(place())
-    })?;
-    if path.exists() && !written.force {
-        return Err(Failure::existing("evaluate.exists", path));
-    }
-    Ok(form)
+        Failure::usage("output.form", found, "Use the extension .json, .csv, .tiff or .svg, or give --format.")
+            .at(path.display().to_string())
+    })
 }
 
 fn summary(answer: &Answer, path: &Path, bytes: u64) -> Table {
@@ -318,7 +309,7 @@ mod tests {
         let folder = model(200_000);
         let before = fs::read_dir(folder.path()).unwrap().count();
         for (line, code) in [
-            ("FOLDER plane --center 0,0,1 --width 2 -o FOLDER/new.exr", "evaluate.format"),
+            ("FOLDER plane --center 0,0,1 --width 2 -o FOLDER/new.exr", "output.form"),
             ("FOLDER plane --center 0,0,1 --width 0 -o FOLDER/new.json", "evaluation.geometry"),
             ("FOLDER plane --center 0,0,1 --width 1 --tolerance 1 -o FOLDER/new.json", "evaluation.tolerance"),
             ("FOLDER plane --center 0,0 --width 1 -o FOLDER/new.json", "three numbers"),
@@ -330,8 +321,8 @@ mod tests {
             ("FOLDER intensity --at 1 -o FOLDER/new.json", "two numbers"),
             ("FOLDER intensity --at 1,2 -o FOLDER/new.svg", "evaluation.no_picture"),
             ("FOLDER intensity --light blue -o FOLDER/new.json", "luminous radiant"),
-            ("FOLDER intensity -o FOLDER/report.json", "evaluate.exists"),
-            ("FOLDER/README.txt intensity -o FOLDER/new.json", "model.archive"),
+            ("FOLDER intensity -o FOLDER/report.json", "output.exists"),
+            ("FOLDER/README.txt intensity -o FOLDER/new.json", "model.not_model"),
         ] {
             let found = told(folder.path(), line).unwrap_err();
             assert!(found.contains(code), "{line}: {found}");

@@ -1,62 +1,90 @@
-//! `inspect`: what a file says of itself, and what its rays say. Users want these checks before they want a model.
+//! `inspect`: what a file says of itself, and what its rays say. Users want these checks before they want a model, and scripts the verdict.
 
 use super::channel_argument;
 use super::channel_argument::ChannelFile;
 use super::terminal::argument;
+use super::terminal::destination::{NewFile, can_be_folder, make_folder};
 use super::terminal::failure::Failure;
 use super::terminal::output;
 use super::terminal::progress::Progress;
 use super::terminal::table::{Table, count, flux, number, triple};
 use clap::Args;
-use pipeline::{Header, Input, Inspection, Limits, Notice};
+use pipeline::{DRAWINGS, Header, Input, Inspection, Limits, Notice, Verdict};
 use service::telemetry::visible;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+use std::process::ExitCode;
 
 /// Arguments of `inspect`.
 #[derive(Args)]
 pub struct Arguments {
-    /// The ray file, or an archive: every ray file in it, or only FILE:MEMBER. Values after a comma override what the file says.
-    #[arg(value_name = "FILE[,KEY=VALUE]..", value_parser = channel_argument::channel, long_help = channel_argument::HELP)]
-    file: ChannelFile,
+    /// Ray files, one after another; of an archive every ray file in it, or only FILE:MEMBER. Values after a comma override what the file says.
+    #[arg(required = true, value_name = "FILE[,KEY=VALUE]..", value_parser = channel_argument::channel, long_help = channel_argument::HELP)]
+    files: Vec<ChannelFile>,
     /// Print JSON instead of a table; one document for each ray file.
     #[arg(long)]
     json: bool,
     /// Folder for drawings of the ray origins and of the far field.
     #[arg(long, value_name = "DIR")]
     svg: Option<PathBuf>,
+    /// Replace drawings that are there.
+    #[arg(long, requires = "svg")]
+    force: bool,
 }
 
-/// Reads the whole file once and prints what is in it.
+/// Exit code where a verdict is `wrong`: 1 is of files that could not be inspected at all.
+pub const WRONG: u8 = 3;
+
+/// Reads the whole file once and prints what is in it. The exit code tells a script the verdict.
 ///
 /// # Errors
-/// A file that cannot be read or is refused; the others in the same packed file are printed all the same.
-pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let found = arguments.file.find()?;
-    for (name, error) in &found.left_out {
-        eprintln!("left out {} ({}): {}", visible(name), error.code(), visible(&error.to_string()));
-    }
-    let mut failed = None;
-    for input in arguments.file.open_all(&found)? {
-        let inspected = input.and_then(|input| one(arguments, &input));
-        if let Some(earlier) = inspected.err().and_then(|new| failed.replace(new)) {
-            eprintln!("{earlier}");
+/// A file that cannot be read or is refused; the others in the same packed file are printed all the same. A drawing that is there already.
+pub fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let (mut failed, mut worst) = (None, Verdict::Ok);
+    for inspected in arguments.files.iter().flat_map(|file| each(arguments, file)) {
+        match inspected {
+            Ok(verdict) => worst = worst.max(verdict),
+            Err(new) => {
+                if let Some(earlier) = failed.replace(new) {
+                    eprintln!("{earlier}");
+                }
+            }
         }
     }
-    failed.map_or(Ok(()), Err)
+    let told = if worst == Verdict::Wrong { ExitCode::from(WRONG) } else { ExitCode::SUCCESS };
+    failed.map_or(Ok(told), Err)
 }
 
-fn one(arguments: &Arguments, input: &Input) -> Result<(), Failure> {
+/// Inspects the ray files that `file` is or holds, one after another.
+fn each(arguments: &Arguments, file: &ChannelFile) -> Vec<Result<Verdict, Failure>> {
+    let all = || {
+        let found = file.find()?;
+        for (name, error) in &found.left_out {
+            eprintln!("left out {} ({}): {}", visible(name), error.code(), visible(error.found()));
+        }
+        for name in found.names() {
+            drawings(arguments, name)?;
+        }
+        Ok(file.open_all(&found)?.map(|input| one(arguments, &input?)).collect())
+    };
+    all().unwrap_or_else(|failure| vec![Err(failure)])
+}
+
+fn one(arguments: &Arguments, input: &Input) -> Result<Verdict, Failure> {
     let progress = Progress::start();
     let inspected = pipeline::inspect(input, &Limits::default(), &progress);
     progress.finish();
     let inspection = inspected.map_err(|error| Failure::from(error).at(&input.name))?;
     if let Some(folder) = &arguments.svg {
-        draw(&inspection, &input.name, folder)?;
+        make_folder(folder)?;
+        let files = drawings(arguments, &input.name)?;
+        for (drawing, file) in pipeline::drawings(&inspection, &input.name).iter().zip(files) {
+            file.write_all(&drawing.bytes)?;
+        }
     }
     if arguments.json {
         let text = serde_json::to_string_pretty(&inspection);
         let text = text.map_err(|error| Failure::failed("inspect.json", error.to_string(), "Leave out --json."))?;
-        output::print(format_args!("{text}\n"))
+        output::print(format_args!("{text}\n"))?;
     } else {
         let mut table = Table::default();
         table.row("file", ["name".into(), input.name.clone()]);
@@ -65,18 +93,23 @@ fn one(arguments: &Arguments, input: &Input) -> Result<(), Failure> {
         ray_rows(&mut table, &inspection);
         check_rows(&mut table, &inspection);
         notice_rows(&mut table, &inspection.notices);
-        output::print(table)
+        output::print(table)?;
     }
+    Ok(inspection.verdict)
 }
 
-fn draw(inspection: &Inspection, name: &str, folder: &Path) -> Result<(), Failure> {
-    std::fs::create_dir_all(folder).map_err(|error| Failure::disk(folder, &error))?;
-    for drawing in pipeline::drawings(inspection, name) {
-        // Several files of a packed one are drawn into one folder.
-        let path = folder.join(format!("{}.{}", name.replace(['/', '\\'], "_"), drawing.name));
-        std::fs::write(&path, &drawing.bytes).map_err(|error| Failure::disk(&path, &error))?;
+/// The drawings of the ray file `name`: several files of a packed one are drawn into one folder, which is made when there is a drawing.
+///
+/// # Errors
+/// One is there, and is not to be replaced.
+fn drawings(arguments: &Arguments, name: &str) -> Result<Vec<NewFile>, Failure> {
+    let Some(folder) = &arguments.svg else { return Ok(Vec::new()) };
+    can_be_folder(folder)?;
+    if !folder.exists() {
+        return Ok(Vec::new());
     }
-    Ok(())
+    let path = |drawing: &str| folder.join(format!("{}.{drawing}", name.replace(['/', '\\'], "_")));
+    DRAWINGS.into_iter().map(|drawing| NewFile::at(&path(drawing), arguments.force)).collect()
 }
 
 fn header_rows(table: &mut Table, header: &Header) {
@@ -117,7 +150,7 @@ fn ray_rows(table: &mut Table, found: &Inspection) {
 /// One line per check, with what to do below it; then the worst of them.
 fn check_rows(table: &mut Table, found: &Inspection) {
     for check in &found.checks {
-        table.row("checks", [check.verdict.name().into(), check.check.into(), check.message.clone()]);
+        table.row("checks", [check.verdict.name().into(), check.check.into(), argument::in_flags(&check.message)]);
         if let Some(remedy) = &check.remedy {
             let remedy = argument::with_keys(remedy, None);
             table.row("checks", [String::new(), String::new(), format!("→ {remedy}")]);
@@ -131,6 +164,9 @@ pub fn notice_rows(table: &mut Table, notices: &[Notice]) {
     for notice in notices {
         let of = notice.channel.as_ref().map_or(String::new(), |channel| format!(" in {channel}"));
         let first = notice.first_ray.map_or(String::new(), |ray| format!(", first at ray {ray}"));
-        table.row("notices", [format!("{} x {}{of}{first}: {}", notice.code, notice.count, notice.message)]);
+        table.row(
+            "notices",
+            [format!("{} x {}{of}{first}: {}", notice.code, notice.count, argument::in_flags(&notice.message))],
+        );
     }
 }

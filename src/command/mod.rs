@@ -45,3 +45,4 @@ pub mod health;
 mod terminal;
 
 pub use terminal::failure::Failure;
+pub use terminal::measure::number;

@@ -49,7 +49,7 @@ pub fn open(path: &Path) -> Result<Input, Failure> {
     if let [only] = found.rays.as_slice() {
         return found.open(only);
     }
-    let several = format!("The archive contains {} ray files: {}.", found.rays.len(), found.names());
+    let several = format!("The archive contains {} ray files: {}.", found.rays.len(), found.listed());
     let remedy = format!("Choose one: {}:NAME.", found.shown());
     Err(Failure::usage("file.several", several, remedy).at(found.shown()))
 }
@@ -95,17 +95,9 @@ pub fn find(path: &Path) -> Result<RayFiles, Failure> {
 /// A folder is no ray file; mostly it is a model.
 fn folder(path: &Path) -> Failure {
     if MODEL_FILES.iter().all(|name| path.join(name).is_file()) {
-        return model(path.display().to_string());
+        return Failure::from(pipeline::model_given()).at(path.display().to_string());
     }
     Failure::failed("file.folder", "This is a folder.", "Name a ray file that is in it.").at(path.display().to_string())
-}
-
-/// What a model is for, to whoever takes it for a ray file.
-fn model(place: String) -> Failure {
-    let found = "This is a model, no ray file.";
-    let remedy = "Make rays of it with lampwright rays; lampwright evaluate, combine and adapter take it too. Its report.json says \
-                  what was found in the rays it was made of.";
-    Failure::failed("file.model", found, remedy).at(place)
 }
 
 /// `path` where there is such a file; else what stands before and behind a colon, where before it there is one.
@@ -120,8 +112,13 @@ fn split(path: &Path) -> (PathBuf, Option<String>) {
 }
 
 impl RayFiles {
-    fn names(&self) -> String {
-        self.rays.iter().map(|(_, name)| name.as_str()).collect::<Vec<_>>().join(", ")
+    /// What the ray files are called.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.rays.iter().map(|(_, name)| name.as_str())
+    }
+
+    fn listed(&self) -> String {
+        self.names().collect::<Vec<_>>().join(", ")
     }
 
     fn shown(&self) -> String {
@@ -155,20 +152,15 @@ impl RayFiles {
                 Ok(RayFiles { rays: vec![self.rays.swap_remove(at)], left_out: Vec::new(), ..self })
             }
             _ => {
-                let found = format!("The archive contains no file {member:?}. Its ray files are: {}.", self.names());
+                let found = format!("The archive contains no file {member:?}. Its ray files are: {}.", self.listed());
                 Err(Failure::usage("file.member", found, "Choose one of these.").at(self.shown()))
             }
         }
     }
 
     fn without_rays(self) -> Failure {
-        if MODEL_FILES.iter().all(|name| self.left_out.iter().any(|(inside, _)| inside == name)) {
-            return model(self.shown());
-        }
-        let why = self.left_out.iter().map(|(name, error)| format!(" {name} ({}): {error}", error.code()));
-        let found = format!("The archive contains no ray file.{}", why.collect::<String>());
-        let remedy = "Name a ray file, or a gzip, zstd or zip file that contains one.";
-        Failure::failed("container.no_ray_file", found, remedy).at(self.shown())
+        let inside = self.left_out.iter().map(|(name, error)| (name.as_str(), error.code(), error.found()));
+        Failure::from(pipeline::no_ray_file(inside)).at(self.shown())
     }
 
     /// Judges the beginning of everything inside.

@@ -1,13 +1,13 @@
 //! `rays`: new rays from a model, as a ray file.
 
-use super::convert::{OutputFormat, destination, write_whole};
+use super::convert::{OutputFormat, format_of};
+use super::terminal::destination::NewFile;
 use super::terminal::failure::Failure;
 use super::terminal::progress::Progress;
 use super::terminal::table::{Table, count, flux};
 use super::terminal::{measure, output};
 use clap::Args;
 use pipeline::artifacts::read::{StoredModel, check_size, read, unpack};
-use pipeline::convert::Failed;
 use pipeline::new_rays::{NewRays, Request};
 use pipeline::vocabulary::watch::StageWatch;
 use pipeline::{Limits, MODEL_FILES, Stage};
@@ -23,10 +23,10 @@ pub struct Arguments {
     #[arg(value_name = "MODEL")]
     model: PathBuf,
     /// How many rays: 1000000 or 1e6.
-    #[arg(short = 'n', long, value_name = "N", value_parser = measure::rays)]
+    #[arg(short = 'n', long = "rays", alias = "count", value_name = "N", value_parser = measure::rays)]
     count: u64,
     /// Seed of the random numbers: the same seed gives the same rays, another seed others of the same light.
-    #[arg(long, value_name = "S", default_value_t = 1)]
+    #[arg(long, value_name = "S", default_value_t = 1, value_parser = measure::whole::<u64>)]
     seed: u64,
     /// Spread the rays more evenly over places, directions and wavelengths than chance has it (a scrambled Sobol sequence): what is computed of
     /// them has less noise. Best is a power of two of them.
@@ -40,7 +40,7 @@ pub struct Arguments {
     format: Option<OutputFormat>,
     /// Write a part of the file only, from this ray on, counted from 0; the part from ray 0 begins with the header. Parts one after another are
     /// the bytes of the file.
-    #[arg(long, value_name = "K", default_value_t = 0)]
+    #[arg(long, value_name = "K", default_value_t = 0, value_parser = measure::whole::<u64>)]
     first: u64,
     /// Number of rays of that part [default: all that follow].
     #[arg(long, value_name = "N", value_parser = measure::rays)]
@@ -56,7 +56,8 @@ pub struct Arguments {
 /// The model cannot be read; the format does not hold the rays; the output file exists; or the disk refuses an operation.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let path = &arguments.output;
-    let format = destination(path, arguments.format, arguments.force)?;
+    let format = format_of(path, arguments.format)?;
+    let file = NewFile::at(path, arguments.force)?;
     let of = arguments.count;
     let last = arguments.part.map_or(of, |part| arguments.first.saturating_add(part));
     if arguments.first >= of || last > of {
@@ -69,18 +70,16 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let rays = NewRays::new(&model, &model.name, request)?;
     let from = if arguments.first == 0 { 0 } else { rays.byte_of_ray(arguments.first) };
     let bytes = from..if last == of { rays.byte_count() } else { rays.byte_of_ray(last) };
+    let file = file.of_size(bytes.end - bytes.start)?;
     let progress = Progress::start_reading();
-    let written = write_whole(path, |file| {
+    let written = file.write(|file| {
         let watch = StageWatch::enter(&progress, Stage::Rays)?;
         let mut out = BufWriter::with_capacity(1 << 20, file);
         rays.write(bytes.clone(), &mut out, watch)?;
         Ok(out.flush()?)
     });
     progress.finish();
-    written.map_err(|failed| match failed {
-        Failed::Read(error) => Failure::from(error),
-        Failed::Write(error) => Failure::disk(path, &error),
-    })?;
+    written.map_err(|failed| file.failure(failed))?;
     let mut table = Table::default();
     table.row("model", [model.name.clone()]);
     table.row("rays", ["of the file".into(), count(of)]);
@@ -191,13 +190,13 @@ pub mod tests {
         assert!(
             code(&Arguments { first: 900, part: Some(101), ..asked(folder.path(), &output) }).contains("rays.part")
         );
-        assert!(code(&asked(&at("README.txt"), &output)).contains("model.archive"));
+        assert!(code(&asked(&at("README.txt"), &output)).contains("model.not_model"));
         assert!(code(&asked(&at("nowhere"), &output)).contains("file.disk"));
-        assert!(code(&asked(folder.path(), &at("new.xyz"))).contains("convert.format"));
+        assert!(code(&asked(folder.path(), &at("new.xyz"))).contains("output.format"));
         fs::write(at("emitter.glb"), "glTF").unwrap();
         assert!(code(&asked(folder.path(), &output)).contains("model.not_glb"));
         fs::write(&output, "precious").unwrap();
-        assert!(code(&asked(folder.path(), &output)).contains("convert.exists"));
+        assert!(code(&asked(folder.path(), &output)).contains("output.exists"));
         assert_eq!(fs::read(&output).unwrap(), b"precious");
         let left = fs::read_dir(folder.path())
             .unwrap()

@@ -3,6 +3,9 @@
 
 use std::fmt;
 
+/// Longest number that is told digit by digit, characters.
+const LONGEST_NUMBER: usize = 24;
+
 /// Why there is no result.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -56,6 +59,8 @@ pub enum Place {
     Total,
     /// A field of what was asked of a model.
     Asked(&'static str),
+    /// A field of what was asked of one of several models: its place among them, from 0, and the field.
+    Model(usize, &'static str),
 }
 
 impl fmt::Display for Place {
@@ -68,6 +73,7 @@ impl fmt::Display for Place {
             Place::Declared(field) => write!(f, "{field}"),
             Place::Total => write!(f, "total"),
             Place::Asked(field) => write!(f, "{field}"),
+            Place::Model(index, field) => write!(f, "models[{index}].{field}"),
         }
     }
 }
@@ -84,7 +90,7 @@ impl fmt::Display for Fault {
 
 impl Fault {
     fn new(code: &'static str, found: impl Into<String>, remedy: impl Into<String>) -> Fault {
-        Fault { code, found: found.into(), at: None, remedy: remedy.into() }
+        Fault { code, found: shortened(found.into()), at: None, remedy: remedy.into() }
     }
 }
 
@@ -145,6 +151,17 @@ impl Error {
         }
     }
 
+    /// The same error; where it names a field of what was asked, that of model `index` of several.
+    pub fn of_model(self, index: usize) -> Error {
+        match &self {
+            Error::Malformed(fault) | Error::Refused(fault) | Error::Unusable(fault) => match fault.at {
+                Some(Place::Asked(field)) => self.at(Place::Model(index, field)),
+                _ => self,
+            },
+            _ => self,
+        }
+    }
+
     /// The same, where it is of one of several things: `whose` goes before what was found.
     #[must_use]
     pub fn of_one(self, whose: &str) -> Error {
@@ -167,6 +184,14 @@ impl Error {
         }
     }
 
+    /// What was found, without its place and what to do.
+    pub fn found(&self) -> &str {
+        match self {
+            Error::Malformed(fault) | Error::Refused(fault) | Error::Unusable(fault) => &fault.found,
+            Error::Cancelled | Error::Unreadable(_) | Error::Internal(_) => self.code(),
+        }
+    }
+
     /// Stable code of any error.
     pub fn code(&self) -> &'static str {
         match self {
@@ -175,5 +200,45 @@ impl Error {
             Error::Unreadable(_) => "bytes.unreadable",
             Error::Internal(_) => "run.internal",
         }
+    }
+}
+
+/// The same text with its long numbers short: 1e300 is no row of 301 digits.
+fn shortened(text: String) -> String {
+    let is_part = |letter: char| letter.is_ascii_digit() || letter == '.';
+    let mut short = String::with_capacity(text.len());
+    let mut rest = text.as_str();
+    while let Some(from) = rest.find(is_part) {
+        let (before, after) = rest.split_at(from);
+        let (number, next) = after.split_at(after.find(|letter| !is_part(letter)).unwrap_or(after.len()));
+        short.push_str(before);
+        let end = number.trim_end_matches('.');
+        match end.parse::<f64>() {
+            Ok(value) if end.len() > LONGEST_NUMBER => {
+                short.push_str(&format!("{value:e}"));
+                short.push_str(&number[end.len()..]);
+            }
+            _ => short.push_str(number),
+        }
+        rest = next;
+    }
+    short.push_str(rest);
+    short
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_numbers_are_told_with_an_exponent() {
+        for (value, told) in
+            [(1e300, "1e300 mm is no size."), (-2.5e-200, "-2.5e-200 mm is no size."), (1.25, "1.25 mm is no size.")]
+        {
+            assert_eq!(shortened(format!("{value} mm is no size.")), told);
+        }
+        let text = "sha256 6773085f24015efeb990be022d993e6fa5ae882ec95d73070ff8fb349cd86fc2, 20000 rays. 3.5 W...";
+        assert_eq!(shortened(text.to_owned()), text);
+        assert_eq!(shortened(format!("It is {}.", 1e30)), "It is 1e30.");
     }
 }

@@ -58,9 +58,11 @@ pub use evaluation::{
     Camera, Form as EvaluationForm, Kind as LightKind, Plane, Request as EvaluationRequest, TOLERANCE, Vector, View,
     Width,
 };
-pub use formats::packed::{Content, Member, Packing, left_out, packing, unpack};
+pub use formats::packed::{Content, Member, Packing, left_out, no_ray_file, packing, unpack};
 pub use formats::record::{Bytes, Format};
 pub use formats::spectrum_file::{MAX_BYTES as MAX_SPECTRUM_BYTES, SpectrumFile};
+pub use formats::{MODEL as MODEL_GIVEN, model as model_given};
+pub use inspection::drawings::NAMES as DRAWINGS;
 pub use inspection::findings::{Check, Header, Inspection, Verdict};
 pub use known_sources::{SAMPLE, write_sample};
 pub use memory::MemoryNeed;
@@ -71,6 +73,7 @@ pub use source::channels::Claims;
 pub use vocabulary::declaration::{Column, Declared, FluxOverride, Total};
 pub use vocabulary::limits::Limits;
 pub use vocabulary::notice::Notice;
+pub use vocabulary::number::count;
 pub use vocabulary::space::Axis;
 pub use vocabulary::spectrum::Table;
 pub use vocabulary::units::{LengthUnit, Quantity};
@@ -174,7 +177,7 @@ pub fn memory(files: &[(&Claims, &Declared)], options: &Options, threads: usize)
 /// # Errors
 /// [`Error::Malformed`], [`Error::Refused`].
 pub fn spectrum(bytes: &[u8]) -> Result<SpectrumFile, Error> {
-    formats::spectrum_file::parse(bytes)
+    formats::spectrum(bytes)
 }
 
 /// Reads a file once and tells what is in it: what users want to know before they want the model.

@@ -82,12 +82,22 @@ impl From<&pipeline::Error> for Failure {
         use pipeline::Error;
         match error {
             Error::Malformed(fault) => Failure::of("The file is malformed", fault),
-            Error::Refused(fault) => Failure::of("The file is refused", fault),
+            Error::Refused(fault) => Failure::of(refused(fault.code), fault),
             Error::Unusable(fault) => Failure::of("The request is not valid", fault),
             Error::Cancelled => Failure::stopped(),
             Error::Unreadable(_) => stored(error).map_or_else(Failure::store_away, Failure::from),
             Error::Internal(_) => Failure::internal(),
         }
+    }
+}
+
+/// What is refused, by the part of the pipeline that refuses it: what is asked of a model is no file.
+fn refused(code: &str) -> &'static str {
+    match code.split('.').next() {
+        Some("evaluation") => "The evaluation is refused",
+        Some("combination") => "The combination is refused",
+        Some("model") => "The model is refused",
+        _ => "The file is refused",
     }
 }
 

@@ -60,26 +60,28 @@ async fn what_cannot_be_combined_is_told() {
         (json!({"models": vec![json!({"job": job}); 9]}), "request.out_of_range", "models"),
         (json!({"models": [{}]}), "request.missing_field", "models[0]"),
         (with(json!({"rotate": 1})), "request.unknown_field", "models[0].rotate"),
-        (with(json!({"scale": 0})), "combination.change", "scale"),
-        (with(json!({"scale": 1, "flux": {"radiant_w": 1}})), "combination.change", "scale"),
-        (with(json!({"spectrum": {"nm_value": [[500, 0]]}})), "combination.change", "spectrum"),
-        (with(json!({"flux": {"radiant_w": -1}})), "combination.change", "flux"),
-        (with(json!({"scale": 1e36})), "combination.change", "scale"),
+        (with(json!({"scale": 0})), "combination.change", "models[0].scale"),
+        (with(json!({"scale": 1, "flux": {"radiant_w": 1}})), "combination.change", "models[0].scale"),
+        (with(json!({"spectrum": {"nm_value": [[500, 0]]}})), "combination.change", "models[0].spectrum"),
+        (with(json!({"flux": {"radiant_w": -1}})), "combination.change", "models[0].flux"),
+        (with(json!({"scale": 1e36})), "combination.change", "models[0].scale"),
         (with(json!({"name": ""})), "request.out_of_range", "models[0].name"),
         (
             with(json!({"turns": vec![json!({"axis": [0, 0, 1], "degrees": 1}); 17]})),
             "request.out_of_range",
             "models[0].turns",
         ),
-        (with(json!({"turns": [{"axis": [0, 0, 0], "degrees": 1}]})), "combination.change", "turns"),
-        (with(json!({"move_mm": [0, 0, 1e6]})), "combination.change", "move_mm"),
-        (with(json!({"move_mm": [0, 0, 1e12]})), "combination.change", "move_mm"),
+        (with(json!({"turns": [{"axis": [0, 0, 0], "degrees": 1}]})), "combination.change", "models[0].turns"),
+        (with(json!({"move_mm": [0, 0, 1e6]})), "combination.change", "models[0].move_mm"),
+        (with(json!({"move_mm": [0, 0, 1e12]})), "combination.change", "models[0].move_mm"),
         (with(json!({"move_mm": [0, 0]})), "request.wrong_type", "models[0].move_mm"),
     ] {
         let reply = site.post(ADDRESS, &body).await;
         reply.is_problem(422, code);
         assert_eq!(reply.json()["at"].as_str().unwrap_or_default(), at, "{body}");
     }
+    let second = json!({"models": [{"job": job}, {"job": job, "scale": -1}]});
+    assert_eq!(site.post(ADDRESS, &second).await.json()["at"], "models[1].scale");
     let nobody = json!({"models": [{"job": "0190b5a0-0000-7000-8000-000000000000"}]});
     site.post(ADDRESS, &with(json!({"spectrum": {"id": "none"}}))).await.is_problem(404, "spectrum.not_found");
     site.post(ADDRESS, &nobody).await.is_problem(404, "job.not_found");

@@ -10,7 +10,7 @@ use service::storage::records::statement::sql;
 use sha2::{Digest, Sha256};
 use support::packing::{gzip, zip, zstd};
 use support::rays;
-use support::runners::{prompt, sha256};
+use support::runners::{model_files, prompt, sha256};
 use support::site::{Reply, Site};
 
 async fn send(site: &Site, name: &str, bytes: Vec<u8>) -> Reply {
@@ -107,6 +107,33 @@ async fn a_packed_file_without_a_ray_file_is_refused_with_what_is_in_it() {
     }
     send(&site, "x.gz", gzip(b"A letter.")).await.is_problem(422, "container.no_ray_file");
     send(&site, "x.zip", zip(&[])).await.is_problem(422, "container.no_ray_file");
+    nothing_left(&site).await;
+}
+
+/// A model sent where rays are wanted, whole or a part of it, is told as one; many other files are named, without a sentence for each.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_model_is_no_ray_file_and_says_so() {
+    let site = Site::start(prompt()).await;
+    let [emitter, goniograms] = model_files();
+    let table = b"wavelength_nm,band_from_nm,band_to_nm,total_W_per_nm,zone_000_W_per_nm,zone_001_W_per_nm,zone_002_W_per_nm\n385,380,390,0,0,0,0\n";
+    let model = zip(&[("emitter.glb", emitter), ("goniograms.json", goniograms), ("spectra.csv", table)]);
+    for (name, bytes, what) in [
+        ("model.zip", model, "a model"),
+        ("emitter.glb", emitter.clone(), "the emitter.glb of a model"),
+        ("goniograms.json", goniograms.clone(), "the goniograms.json of a model"),
+        ("spectra.csv", table.to_vec(), "the spectra.csv of a model"),
+    ] {
+        let reply = send(&site, name, bytes).await;
+        reply.is_problem(422, "detect.model");
+        assert_eq!(reply.json()["detail"], format!("This is {what}, not a ray file."));
+        assert!(reply.json()["remedy"].as_str().unwrap().contains("draw new rays"), "{}", reply.json());
+    }
+    let many: Vec<(String, &[u8])> = (0..40).map(|k| (format!("note {k}.txt"), b"A letter.".as_slice())).collect();
+    let many: Vec<(&str, &[u8])> = many.iter().map(|(name, bytes)| (name.as_str(), *bytes)).collect();
+    let reply = send(&site, "x.zip", zip(&many)).await;
+    reply.is_problem(422, "container.no_ray_file");
+    let detail = reply.json()["detail"].as_str().unwrap().to_owned();
+    assert!(detail.len() < 400 && detail.contains("note 0.txt") && detail.contains("and 32 more"), "{detail}");
     nothing_left(&site).await;
 }
 

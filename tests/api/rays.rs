@@ -62,6 +62,7 @@ async fn rays_are_those_of_the_model_and_any_range_is_a_part_of_them() {
     let beyond = format!("bytes={}-", whole.len());
     let beyond = site.ask(Method::GET, &asked, &[("range", &beyond)], Body::empty()).await;
     beyond.is_problem(416, "artifact.range_not_satisfiable");
+    assert!(site.get(&format!("{rays}?count=1e5&seed=7")).await.body == whole, "as people write it");
     // Another seed, count or format is another file.
     for other in ["count=100000&seed=8", "count=100001&seed=7", "count=100000&seed=7&format=zemax"] {
         let reply = site.get(&format!("{rays}?{other}")).await;

@@ -89,7 +89,7 @@ async fn part_lengths(site: &Site) -> Vec<u64> {
 async fn a_file_in_pieces_is_the_ray_set_that_it_is_in_one() {
     let site = Site::start(prompt()).await;
     let file = rays::zemax(400_000);
-    let said = metadata(&[("filename", "in pieces.dat"), ("length_unit", "mm"), ("quantity", "luminous")]);
+    let said = metadata(&[("filename", "in pieces.dat"), ("length_unit", "mm"), ("quantity", "radiant")]);
     let length = file.len();
     for size in [length, 9 << 20, (8 << 20) + 1, 3_000_001] {
         let at = send(&site, &file, size, &[("upload-metadata", &said)]).await;
@@ -103,7 +103,7 @@ async fn a_file_in_pieces_is_the_ray_set_that_it_is_in_one() {
         let ray_set = site.get(upload["links"]["ray_sets"][0].as_str().unwrap()).await.json();
         assert_eq!((&ray_set["sha256"], &ray_set["byte_count"]), (&json!(sha256(&file)), &json!(length)));
         assert_eq!((&ray_set["name"], &ray_set["packed"]), (&json!("in pieces.dat"), &Value::Null));
-        assert_eq!(ray_set["declared"], json!({"length_unit": "mm", "quantity": "luminous"}));
+        assert_eq!(ray_set["declared"], json!({"length_unit": "mm", "quantity": "radiant"}));
         // Its parts are the upload's: nothing was copied, nothing is left.
         assert_eq!(part_lengths(&site).await, [0; 0]);
         let job = site.job(id).await;

@@ -43,7 +43,7 @@ const CALM: &str = "ok";
 const CODED: [(&str, Kind); 3] = [("Flaw", Kind::Notice), ("Error", Kind::Job), ("Unusable", Kind::Failed)];
 
 /// What looks like a code and is none: the whole string, its beginning or its end (`*` is the rest), and what it is.
-const NOT_CODES: [(&str, &str); 32] = [
+const NOT_CODES: [(&str, &str); 30] = [
     ("*.glb", "a file"),
     ("*.json", "a file"),
     ("*.csv", "a file"),
@@ -63,9 +63,7 @@ const NOT_CODES: [(&str, &str); 32] = [
     ("hull.resolution", "an option"),
     ("hull.max_edge_mm", "an option"),
     ("goniogram.*", "an option"),
-    ("plane.*", "a field of an evaluation: the place of a fault"),
-    ("camera.*", "a field of an evaluation"),
-    ("intensity.*", "a field of an evaluation"),
+    ("view.*", "a field of an evaluation: the place of a fault"),
     ("job.succeeded", "an event that a webhook is told"),
     ("job.failed", "an event"),
     ("job.cancelled", "an event"),

@@ -176,14 +176,17 @@ fn what_is_declared_goes_before_the_files_own_word() {
     let said = of(&watts(), luminous.clone());
     gives(&said, None, Some(2.0));
     assert_eq!(said.notices.count_of("rays.quantity_replaced"), 1);
-    gives(&of(&watts(), Declared { spectrum: line(555.0), ..luminous }), Some(2.0 / LM_PER_W_555), Some(2.0));
-    // The header's total goes with the values: the known chip has 1 W in the header and in the rays.
+    let lumens = Some(FluxOverride::LuminousLm(2.0));
+    let colored = Declared { spectrum: line(555.0), flux: lumens, ..luminous };
+    gives(&of(&watts(), colored), Some(2.0 / LM_PER_W_555), Some(2.0));
+    // The lm that the header has beside its W hold, and the declared table goes on from them.
     let mut chip = Vec::new();
-    write_tm25(&by_name("flat-chip").unwrap(), 100, 1, &mut chip).unwrap();
+    let known = by_name("flat-chip").unwrap();
+    write_tm25(&known, 100, 1, &mut chip).unwrap();
     let lm = Declared { quantity: Some(Quantity::Luminous), spectrum: line(555.0), ..Declared::default() };
     let chip_in_lm = of(&chip, lm);
-    assert!(close(chip_in_lm.flux.luminous_lm.unwrap(), 1.0, 1e-6), "{:?}", chip_in_lm.flux);
-    assert!(close(chip_in_lm.flux.radiant_w.unwrap(), 1.0 / LM_PER_W_555, 1e-6));
+    assert!(close(chip_in_lm.flux.luminous_lm.unwrap(), known.luminous_lm(), 1e-6), "{:?}", chip_in_lm.flux);
+    assert!(close(chip_in_lm.flux.radiant_w.unwrap(), known.luminous_lm() / LM_PER_W_555, 1e-6));
     assert_eq!(chip_in_lm.notices.count_of("rays.spectrum_replaced"), 1);
     // And the table's lm/W holds, not the header's.
     let chip_at_555 = of(&chip, Declared { spectrum: line(555.0), ..Declared::default() });
@@ -195,6 +198,45 @@ fn what_is_declared_goes_before_the_files_own_word() {
     let both = file(Flags { radiant: true, ..LUMENS }, SpectralId::None, vec![], &[good()]);
     let quantity = Declared { quantity: Some(Quantity::Radiant), ..Declared::default() };
     assert_eq!(fault(source(&[channel(&both, quantity)], None)).0, "rays.quantity_both");
+}
+
+/// A word alone makes no lumens of watts: the header's own total in the declared quantity holds, what a spectrum tells is not declared, and
+/// only a flux in the declared quantity gives the numbers another meaning.
+#[test]
+fn a_declared_quantity_is_the_files_own_where_it_knows_it() {
+    let of = |bytes: &[u8], declared: Declared| source(&[channel(bytes, declared)], None);
+    let said = |quantity: Quantity| Declared { quantity: Some(quantity), ..Declared::default() };
+    let with_totals = |mut bytes: Vec<u8>| {
+        bytes[12..16].copy_from_slice(&763.0_f32.to_le_bytes());
+        bytes[16..20].copy_from_slice(&2.4_f32.to_le_bytes());
+        bytes
+    };
+    let [luminous, radiant] = [Quantity::Luminous, Quantity::Radiant].map(said);
+    gives(&of(&with_totals(watts()), luminous.clone()).unwrap(), None, Some(763.0));
+    gives(&of(&with_totals(lumens()), radiant).unwrap(), Some(f64::from(2.4_f32)), None);
+    let known = |name: &str| {
+        let mut bytes = Vec::new();
+        write_tm25(&by_name(name).unwrap(), 1000, 1, &mut bytes).unwrap();
+        bytes
+    };
+    // One spectrum for all: W and lm are in proportion, and the word changes nothing.
+    let [plain, word] =
+        [Declared::default(), luminous.clone()].map(|declared| of(&known("flat-chip"), declared).unwrap());
+    for (own, declared) in
+        [(plain.flux.radiant_w, word.flux.radiant_w), (plain.flux.luminous_lm, word.flux.luminous_lm)]
+    {
+        assert!(close(declared.unwrap(), own.unwrap(), 1e-6), "{:?} {:?}", plain.flux, word.flux);
+    }
+    // A wavelength for each ray: lm are known, and those of another light only with their total.
+    let place = Some(Place::Channel(0, "quantity"));
+    let chips = known("four-chips");
+    assert_eq!(fault(of(&chips, luminous.clone())), ("rays.quantity_known", place.clone()));
+    let table = Declared { spectrum: line(555.0), ..luminous.clone() };
+    assert_eq!(fault(of(&watts(), table)), ("rays.quantity_known", place));
+    let meant = Declared { flux: Some(FluxOverride::LuminousLm(2.4)), ..luminous };
+    let meant = of(&chips, meant).unwrap();
+    assert!(close(meant.flux.luminous_lm.unwrap(), 2.4, 1e-9), "{:?}", meant.flux);
+    assert_eq!(meant.notices.count_of("rays.quantity_replaced"), 1);
 }
 
 #[test]

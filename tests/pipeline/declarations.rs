@@ -8,6 +8,7 @@ use pipeline::options::RaysOptions;
 use pipeline::source::Source;
 use pipeline::vocabulary::declaration::FluxOverride;
 use pipeline::vocabulary::spectrum::Table;
+use pipeline::vocabulary::units::Flux;
 use pipeline::vocabulary::watch::StageWatch;
 use pipeline::{Column, Declared, Error, Input, LengthUnit, Limits, NoProgress, Quantity, Stage, inspect, peek};
 use std::sync::Arc;
@@ -252,6 +253,33 @@ fn every_fact_of_every_format_can_be_declared() {
         }
     }
     assert_eq!(cells, 9 * 5 * 3, "the table has no hole");
+}
+
+/// In whatever format: what a file knows in both quantities stays what it is, or is refused, when its user names the other quantity.
+#[test]
+fn a_declared_quantity_makes_no_light_of_a_word() {
+    let flux = |bytes: Vec<u8>, declared: Declared| read(bytes, declared).map(|source| source.flux);
+    for (format, written, _) in FORMATS {
+        for spectrum in [None, Table::new(&[(555.0, 1.0)])] {
+            let plain = Declared { spectrum, ..said() };
+            let bytes = || written((Fact::Columns, Word::Good));
+            let own = flux(bytes(), plain.clone()).unwrap();
+            let other = flux(bytes(), Declared { quantity: Some(Quantity::Luminous), ..plain });
+            let same = |other: Flux| {
+                let pairs = [(own.radiant_w, other.radiant_w), (own.luminous_lm, other.luminous_lm)];
+                pairs.iter().all(|(a, b)| a.zip(*b).is_some_and(|(a, b)| (a / b - 1.0).abs() < 1e-6))
+            };
+            // ASAP, TracePro and columns of numbers say no quantity: the user's word is the only one.
+            let is_silent = matches!(format, "ASAP distribution" | "TracePro text");
+            match other {
+                Ok(other) if own.luminous_lm.is_some() && !is_silent => {
+                    assert!(same(other), "{format}: {own:?} {other:?}")
+                }
+                Ok(_) => {}
+                Err(error) => assert_eq!(error.code(), "rays.quantity_known", "{format}"),
+            }
+        }
+    }
 }
 
 /// Verdict and sentence of a check.

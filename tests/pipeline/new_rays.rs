@@ -192,6 +192,9 @@ fn an_inspection_calls_new_rays_random_and_sound() {
                     "{name}: {check:?}"
                 );
             }
+            // The noise of counts is not theirs, as their header says.
+            let noise = &found.checks.iter().find(|check| check.check == "rays.noise").unwrap().message;
+            assert_eq!(noise.contains("of low discrepancy"), request.low_discrepancy, "{noise}");
             let radiant = found.flux.radiant_w.unwrap() / flux.radiant_w.unwrap();
             assert!((radiant - 1.0).abs() < 1e-6, "{name}: {radiant}");
             if request.target == Target::Tm25 {

@@ -17,6 +17,9 @@ mod hostile;
 /// What a person meets at a terminal.
 #[cfg(test)]
 mod manners;
+/// What a verb writes, where, and what is left when it is stopped.
+#[cfg(test)]
+mod outputs;
 /// What an operator writes.
 #[cfg(test)]
 mod operator;

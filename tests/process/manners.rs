@@ -36,11 +36,11 @@ fn a_known_source_replaces_a_file_only_where_it_may() {
     fs::write(&path, "precious").unwrap();
     let file = path.to_str().unwrap();
     let told = refused(&["sample", "flat-chip", "--rays", "9", "-o", file]);
-    says(&told, &["error sample.exists", "Name another output file, or give --force.", "mine.tm25ray"]);
+    says(&told, &["error output.exists", "Name another output file, or give --force.", "mine.tm25ray"]);
     assert_eq!(fs::read(&path).unwrap(), b"precious");
     // The words of the verbs that had this rule before.
     let other = refused(&["convert", file, "-o", file]);
-    assert_eq!(other.replace("convert.exists", "sample.exists"), told);
+    assert_eq!(other, told);
     assert!(lampwright(&["sample", "flat-chip", "--rays", "9", "--force", "-o", file]).status.success());
     assert!(fs::read(&path).unwrap().starts_with(b"TM25"));
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no part stays behind");
@@ -74,11 +74,133 @@ fn what_is_no_model_and_what_is_one_are_told_apart() {
             let told = refused(line);
             says(
                 &told,
-                &["error file.model", "This is a model", &taken, "lampwright rays", "evaluate, combine and adapter"],
+                &["error detect.model", "This is a model", &taken, "lampwright rays", "evaluate, combine and adapter"],
             );
         }
     }
     says(&refused(&["inspect", &photos]), &["error file.folder", "This is a folder", &photos]);
+}
+
+/// Whatever of the results is given for a ray file, and whatever is given for a model, is told by its name, with what to do.
+#[test]
+fn results_in_the_place_of_rays_and_rays_in_the_place_of_a_model_are_told_by_what_they_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    assert!(lampwright(&["sample", "four-chips", "-n", "20000", "-o", &at("chips.tm25ray")]).status.success());
+    assert!(lampwright(&["build", &at("chips.tm25ray"), "-o", &at("model")]).status.success());
+    assert!(lampwright(&["evaluate", &at("model"), "intensity", "-o", &at("e.json")]).status.success());
+    let verbs = ["lampwright rays", "evaluate, combine and adapter"];
+    for (file, what) in [
+        ("model", "a model"),
+        // Its table of spectra has as many columns as rays have.
+        ("model/model.zip", "a model"),
+        ("model/emitter.glb", "the emitter.glb of a model"),
+        ("model/goniograms.json", "the goniograms.json of a model"),
+        ("model/report.json", "the report.json of a model"),
+        ("model/spectra.csv", "the spectra.csv of a model"),
+        ("e.json", "an evaluation of a model"),
+    ] {
+        let told = refused(&["inspect", &at(file)]);
+        says(&told, &["error detect.model\n", &format!("This is {what}, not a ray file."), verbs[0], verbs[1]]);
+        assert!(told.lines().count() == 4, "{file}: {told}");
+    }
+    for (file, what) in
+        [("ies/total.ies", "an IES photometric file"), ("ies/total.ldt", "an EULUMDAT photometric file")]
+    {
+        let file = at(&format!("model/{file}"));
+        says(&refused(&["inspect", &file]), &["detect.photometry", what]);
+        says(
+            &refused(&["evaluate", &file, "intensity", "-o", &at("x.json")]),
+            &["model.not_model", what, ", no model."],
+        );
+    }
+    for (file, parts) in [
+        ("chips.tm25ray", ["This is a ray file (IES TM-25), no model.", "lampwright build makes one"]),
+        (
+            "model/emitter.glb",
+            ["This is the emitter.glb of a model, not a whole one.", "Name the folder that it is in"],
+        ),
+        ("model/goniograms.json", ["This is the goniograms.json of a model, not a whole one.", "or the model.zip"]),
+        ("model/README.txt", ["This is text, no model.", "Name a model's folder or its model.zip"]),
+    ] {
+        let (file, new) = (at(file), at("new"));
+        for line in [
+            &["rays", &file, "-n", "9", "-o", &at("new.dat")][..],
+            &["evaluate", &file, "intensity", "-o", &at("new.json")],
+            &["combine", &file, "-o", &new],
+            &["adapter", "blender", &file, "-o", &new],
+        ] {
+            says(&refused(line), &["error model.not_model\n", parts[0], parts[1], &file]);
+        }
+    }
+}
+
+/// A script asks for the verdict by the exit code: 3 where it is wrong, with the whole table.
+#[test]
+fn the_exit_code_of_an_inspection_is_its_verdict() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = model(folder.path());
+    fs::write(at("bare.txt"), "0 0 0 0 0 1 5\n0 1 0 0 0 1 5\n").unwrap();
+    let bare = format!("{},columns=x:y:z:l:m:n:flux", at("bare.txt"));
+    for (line, code, verdict) in [
+        (bare.clone(), 3, "wrong"),
+        (format!("{bare},length_unit=mm,quantity=W"), 0, "notice"),
+        (at("chip.tm25ray"), 0, "notice"),
+    ] {
+        let done = lampwright(&["inspect", &line]);
+        let told = String::from_utf8(done.stdout).unwrap();
+        assert_eq!(done.status.code(), Some(code), "{line}: {told}");
+        says(&told, &[&format!("verdict  {verdict}\n")]);
+        assert_eq!(lampwright(&["inspect", "--json", &line]).status.code(), Some(code));
+    }
+    assert_eq!(lampwright(&["inspect", &at("model/README.txt")]).status.code(), Some(1));
+    says(&String::from_utf8(lampwright(&["inspect", "--help"]).stdout).unwrap(), &["Exit code 3"]);
+}
+
+/// What the command line says is in its own words: its flags, and nothing of HTTP.
+#[test]
+fn messages_name_flags_and_no_fields_of_requests() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = model(folder.path());
+    let [chip, model, new, json] = ["chip.tm25ray", "model", "new", "new.json"].map(&at);
+    let camera = ["evaluate", &model, "camera", "--eye", "0,0,9", "-o", &json, "--width"];
+    for (line, parts, strange) in [
+        (
+            &["build", &chip, "--nadir", "+Z", "--c0", "-Z", "-o", &new][..],
+            &["--c0 at right angles to --nadir"][..],
+            "c0_axis at",
+        ),
+        (&["rays", &model, "-n", "2e12", "-o", &at("new.dat")], &["where  --rays\n"], "where  count"),
+        (
+            &[&camera[..], &["2", "--columns", "4096", "--rows", "4096", "--light", "color"]].concat(),
+            &["evaluation.too_large"],
+            "The command",
+        ),
+        (&[&camera[..], &["1e300"]].concat(), &["1e300 mm is no size"], "00000000"),
+        (&[&camera[..], &["--rows", "2"]].concat(), &["a value is required for '--width <MM>'"], "invalid"),
+        (&["sample"], &["lampwright sample --list shows all sources"], "required"),
+    ] {
+        let told = refused(line);
+        says(&told, parts);
+        assert!(!told.contains(strange), "{strange:?} is said: {told}");
+    }
+}
+
+/// A picture without light says why: the light is beside it, or between its lines.
+#[test]
+fn a_camera_that_meets_no_light_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = model(folder.path());
+    let [model, json] = ["model", "new.json"].map(&at);
+    let told = |width: &str, target: &str| {
+        let line = ["evaluate", &model, "camera", "--eye", "0,0,9", "--target", target, "--width", width];
+        let done = lampwright(&[&line[..], &["--columns", "4", "--force", "-o", &json]].concat());
+        assert!(done.status.success(), "{done:?}");
+        String::from_utf8(done.stdout).unwrap()
+    };
+    says(&told("400", "0,0,0"), &["evaluation.dark x 16", "the light lies in the picture"]);
+    says(&told("2", "5,0,0"), &["evaluation.dark x 16", "beside the picture"]);
+    assert!(!told("2", "0,0,0").contains("evaluation.dark"));
 }
 
 #[test]
@@ -131,7 +253,7 @@ fn refusals_name_the_key_that_was_typed() {
     says(&String::from_utf8(inspected.stdout).unwrap(), &["FILE,length_unit=mm.", "FILE,quantity=lm."]);
     for (key, place) in [("scale=-1", "scale="), ("move=1e99:0:0", "move="), ("turn=0:0:0:1", "turn=")] {
         let told = refused(&["combine", &format!("{model},{key}"), "-o", &new]);
-        says(&told, &[&format!("{place}\n")]);
+        says(&told, &[&format!("{place} of model 1\n")]);
     }
 }
 

@@ -1,9 +1,10 @@
 //! Values that several verbs read from their arguments. The error is what clap prints after the value.
 
-use pipeline::Place;
 use pipeline::evaluation::Vector;
 use pipeline::vocabulary::space::Axis;
 use pipeline::vocabulary::spectrum::Bands;
+use pipeline::{Options, Place};
+use serde_json::Value;
 
 /// What can be said of a ray file behind a comma, and how it is written: the keys of `channel_argument`, in their order.
 const KEYS: [(&str, &str); 6] = [
@@ -32,17 +33,66 @@ pub fn flag(name: &str) -> String {
 /// What the command line calls the place of a fault: a flag, or a key behind a file or a model.
 pub fn place(place: &Place) -> String {
     match place {
+        // How many new rays: a parameter over HTTP.
+        Place::Option("count") => "--rays".to_owned(),
         Place::Option(name) => format!("--{}", flag(name)),
         Place::Channel(index, "flux") => format!("flux= or share= of file {}", index + 1),
         Place::Channel(index, field) => format!("{field}= of file {}", index + 1),
         Place::Total => "--total".to_owned(),
         Place::Asked("models") => "MODEL".to_owned(),
-        Place::Asked(field @ ("scale" | "flux" | "spectrum")) => format!("{field}="),
-        Place::Asked("turns") => "turn=".to_owned(),
-        Place::Asked("move_mm") => "move=".to_owned(),
+        Place::Model(index, field) => {
+            let key = match *field {
+                "turns" => "turn",
+                "move_mm" => "move",
+                field => field,
+            };
+            format!("{key}= of model {}", index + 1)
+        }
         Place::Asked(field) => format!("--{}", flag(field)),
         Place::Byte(_) | Place::Ray(_) | Place::Declared(_) => place.to_string(),
     }
+}
+
+/// The pipeline's sentence in the words of the command line: `hull.emission = paper` is `--emission paper`, `c0_axis` is --c0.
+pub fn in_flags(text: &str) -> String {
+    let options = Options::schema().to_value();
+    let names = |group: &Value| {
+        let reference = group["$ref"].as_str().unwrap_or_default().trim_start_matches('#').to_owned();
+        let fields = options.pointer(&reference).and_then(|group| group["properties"].as_object());
+        fields.into_iter().flat_map(|fields| fields.keys().cloned()).collect::<Vec<String>>()
+    };
+    let mut told = text.to_owned();
+    for (group, fields) in options["properties"].as_object().into_iter().flatten() {
+        for name in names(fields) {
+            let flag = format!("--{}", flag(&name));
+            told = replaced(&told, &format!("{group}.{name}"), &flag);
+            // A name without this mark is a word of the language.
+            if name.contains('_') {
+                told = replaced(&told, &name, &flag);
+            }
+        }
+    }
+    told
+}
+
+/// `text` with `flag` where `name` stands alone, and without the sign of equality behind it.
+fn replaced(text: &str, name: &str, flag: &str) -> String {
+    let (mut told, mut rest) = (String::new(), text);
+    while let Some(at) = rest.find(name) {
+        let (before, after) = rest.split_at(at);
+        let after = &after[name.len()..];
+        let is_part = |letter: char| letter.is_ascii_alphanumeric() || letter == '_' || letter == '-';
+        let is_alone = !before.ends_with(|letter: char| is_part(letter) || letter == '.')
+            && !after.starts_with(is_part)
+            && !after.strip_prefix('.').is_some_and(|next| next.starts_with(is_part));
+        told.push_str(before);
+        told.push_str(if is_alone { flag } else { name });
+        rest = after.strip_prefix(" = ").filter(|_| is_alone).map_or(after, |value| {
+            told.push(' ');
+            value
+        });
+    }
+    told + rest
 }
 
 /// A remedy that asks for a declaration, with how the command line takes it: what its sentences name behind "declare", else the field
@@ -65,6 +115,13 @@ pub fn with_keys(remedy: &str, at: Option<&Place>) -> String {
     if let (true, Some(Place::Channel(_, field))) = (written.is_empty(), at) {
         written.extend(KEYS.iter().filter(|(key, _)| key == field).map(|(_, example)| *example));
     }
+    // The examples are in the quantity that is spoken of.
+    let spoken = |example: &'static str| match example {
+        "quantity=lm" if text.contains("(in W)") => "quantity=W",
+        "flux=1.2W" if text.contains("(in lm)") => "flux=337lm",
+        example => example,
+    };
+    written.iter_mut().for_each(|example| *example = spoken(example));
     let total = if text.contains("total in W") { " The total is written as --total 98lm." } else { "" };
     if written.is_empty() {
         return format!("{remedy}{total}");
@@ -111,15 +168,28 @@ mod tests {
         for (found, expected) in [
             (Place::Option("hull.max_edge_mm"), "--max-edge"),
             (Place::Option("rays.band_edges_nm"), "--bands"),
-            (Place::Asked("plane.center_mm"), "--center"),
-            (Place::Asked("intensity.angles_deg"), "--at"),
-            (Place::Asked("intensity.c_step_deg"), "--c-step"),
-            (Place::Asked("move_mm"), "move="),
+            (Place::Asked("view.plane.center_mm"), "--center"),
+            (Place::Asked("view.angles"), "--at"),
+            (Place::Asked("view.grid.c_step_deg"), "--c-step"),
+            (Place::Model(0, "move_mm"), "move= of model 1"),
             (Place::Channel(1, "length_unit"), "length_unit= of file 2"),
             (Place::Total, "--total"),
             (Place::Byte(7), "byte 7"),
         ] {
             assert_eq!(place(&found), expected);
+        }
+    }
+
+    #[test]
+    fn options_are_told_as_flags() {
+        for (text, told) in [
+            ("Choose a c0_axis at right angles to nadir_axis.", "Choose a --c0 at right angles to --nadir."),
+            ("predicts rays better (hull.emission = auto).", "predicts rays better (--emission auto)."),
+            ("Build with a lower hull.resolution or wider bands.", "Build with a lower --resolution or wider bands."),
+            ("Choose a larger hull.max_edge_mm, or leave it out.", "Choose a larger --max-edge, or leave it out."),
+            ("The file my_max_edge_mm.txt and the zones.", "The file my_max_edge_mm.txt and the zones."),
+        ] {
+            assert_eq!(in_flags(text), told);
         }
     }
 
@@ -135,6 +205,8 @@ mod tests {
                 None,
                 "FILE,columns=x:y:z:l:m:n:flux,flux=1.2W.",
             ),
+            ("Declare the quantity and the flux (in lm).", None, "FILE,quantity=lm,flux=337lm."),
+            ("Declare the quantity and the flux (in W).", None, "FILE,quantity=W,flux=1.2W."),
             // Both behind one file are refused.
             ("Declare the share of every channel, or declare fluxes.", None, "FILE,share=0.636W."),
             ("Declare a positive number.", Some(Place::Channel(0, "flux")), "FILE,flux=1.2W."),

@@ -1,11 +1,16 @@
 //! What goes wrong, told to a person at a terminal: code, what, where, what to do.
 
 use super::argument;
-use pipeline::{Error, Fault};
+use pipeline::{Error, Fault, MODEL_GIVEN};
 use service::telemetry::visible;
+use std::io::ErrorKind;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::process::ExitCode;
+
+/// What a model is for, to whoever takes it, or a part of it, for a ray file.
+const OF_MODELS: &str = "Make rays of the model with lampwright rays; lampwright evaluate, combine and adapter take it too. Its report.json \
+                         says what was found in the rays it was made of.";
 
 /// Why a command failed, as it is printed on the terminal.
 #[derive(Debug, PartialEq, Eq)]
@@ -33,20 +38,18 @@ impl Failure {
         Failure { code: code.to_owned(), found: found.into(), place: None, remedy: Some(remedy.into()), exit: 1 }
     }
 
-    /// A file that would be replaced without having been asked for.
-    pub fn existing(code: &str, path: &Path) -> Failure {
-        let found = "The output file exists already.";
-        Failure::usage(code, found, "Name another output file, or give --force.").at(path.display().to_string())
-    }
-
     /// The failure of an operation on the file or folder `path`.
     pub fn disk(path: &Path, error: &std::io::Error) -> Failure {
-        Failure::failed(
-            "file.disk",
-            error.to_string(),
-            "Check that the file exists and that its permissions allow this.",
-        )
-        .at(path.display().to_string())
+        let remedy = match error.kind() {
+            ErrorKind::NotFound => "See to the name: no such file or folder is there.",
+            ErrorKind::PermissionDenied => "See to the permissions of the file and of its folder.",
+            ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "Free space, or name a place on another disk.",
+            ErrorKind::IsADirectory => "Name a file; this is a folder.",
+            ErrorKind::NotADirectory => "Name a folder where a file is named on the way.",
+            ErrorKind::ReadOnlyFilesystem => "Name a place on a disk that can be written to.",
+            _ => "Check that the file exists and that its permissions allow this.",
+        };
+        Failure::failed("file.disk", error.to_string(), remedy).at(path.display().to_string())
     }
 
     /// The service's folder cannot be written: mostly because it is another user's, as a folder of the host is that is mounted
@@ -101,8 +104,11 @@ impl From<Error> for Failure {
         let code = error.code().to_owned();
         let told = |fault: Fault, exit: u8| Failure {
             code: code.clone(),
-            remedy: Some(argument::with_keys(&fault.remedy, fault.at.as_ref())),
-            found: fault.found,
+            remedy: Some(match code == MODEL_GIVEN {
+                true => OF_MODELS.to_owned(),
+                false => argument::in_flags(&argument::with_keys(&fault.remedy, fault.at.as_ref())),
+            }),
+            found: argument::in_flags(&fault.found),
             place: fault.at.as_ref().map(argument::place),
             exit,
         };

@@ -4,6 +4,8 @@
 pub mod argument;
 /// What goes wrong, told to a person at a terminal.
 pub mod failure;
+/// What goes again when a verb is interrupted.
+mod interruption;
 /// Where a verb writes.
 pub mod destination;
 /// Sizes, times and counts as an operator writes them.

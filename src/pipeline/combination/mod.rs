@@ -52,7 +52,7 @@ pub fn combine(components: &[Component], limits: &Limits, watch: StageWatch<'_>)
     let mut numbers = 0_usize;
     for (at, component) in components.iter().enumerate() {
         let own = made(component, limits, &mut numbers);
-        changed.push(own.map_err(|error| {
+        changed.push(own.map_err(|error| error.of_model(at)).map_err(|error| {
             let name = component.name.as_ref().map_or(String::new(), |name| format!(" ({name})"));
             if components.len() == 1 { error } else { error.of_one(&format!("Model {}{name}", at + 1)) }
         })?);

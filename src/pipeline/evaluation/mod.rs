@@ -19,6 +19,8 @@ mod intensity;
 mod view;
 /// A plane that lies in the light.
 mod cut;
+/// An answer without any light.
+mod dark;
 /// What is asked.
 mod request;
 /// Numbers with their names and units.
@@ -73,9 +75,7 @@ pub fn evaluate<'a>(
     if numbers > request.most_numbers {
         let most = request.most_numbers;
         let found = format!("The answer would have {numbers} numbers; at most {most} are computed at once here.");
-        let remedy =
-            "Ask for fewer cells or one number a cell; the command lampwright evaluate computes up to 16777216.";
-        return Err(Error::refused("evaluation.too_large", found, remedy));
+        return Err(Error::refused("evaluation.too_large", found, fewer(most)));
     }
     let kept = light.vertices.len().max(light.volume.map_or(0, |volume| volume.nodes.len()));
     if kept.saturating_mul(emission.channels()) > request.most_kept {
@@ -83,19 +83,25 @@ pub fn evaluate<'a>(
             "The model has {kept} places with {} numbers each, too many to be kept while they are evaluated here.",
             emission.channels()
         );
-        let remedy = "Ask for one number a cell, or use the command lampwright evaluate.";
-        return Err(Error::refused("evaluation.too_large", found, remedy));
+        return Err(Error::refused("evaluation.too_large", found, fewer(request.most_numbers)));
     }
     watch.step(0.0)?;
     let raw = cells_of(&emission, request, columns * rows, watch)?;
-    let notices = match &request.view {
-        View::Plane(plane) => {
-            let (sheet, normal) = plane.sheet(&light.frame)?;
-            cut::notices(&light, &sheet, normal)
-        }
-        _ => Vec::new(),
-    };
+    let mut notices = dark::notices(&light, &request.view, &raw.values)?;
+    if let View::Plane(plane) = &request.view {
+        let (sheet, normal) = plane.sheet(&light.frame)?;
+        notices.extend(cut::notices(&light, &sheet, normal));
+    }
     Ok(Answer { notices, ..Answer::new(&emission, name, request, kind, raw)? })
+}
+
+/// What to do about an answer that is too large where `most` numbers are computed.
+fn fewer(most: usize) -> String {
+    let less = "Ask for fewer cells, or for one number a cell (luminous or radiant light).";
+    if most >= MOST_NUMBERS {
+        return less.to_owned();
+    }
+    format!("{less} The command lampwright evaluate computes up to {MOST_NUMBERS}.")
 }
 
 /// The numbers of all cells.
@@ -126,13 +132,13 @@ fn cells_of(emission: &Emission<'_>, request: &Request, cells: usize, watch: Sta
             })
         }
         View::Directions(directions) => {
-            let units = directions.iter().map(|along| view::unit("intensity.directions", *along));
+            let units = directions.iter().map(|along| view::unit("view.directions", *along));
             let units = units.collect::<Result<Vec<DVec3>, Error>>()?;
             far(&|cell| units[cell])
         }
         View::Angles(angles) => {
             if angles.iter().flatten().any(|degrees| !degrees.is_finite()) {
-                let (place, remedy) = (Place::Asked("intensity.angles_deg"), "Give C and gamma in degrees.");
+                let (place, remedy) = (Place::Asked("view.angles"), "Give C and gamma in degrees.");
                 return Err(Error::invalid_declaration("evaluation.geometry", place, "An angle is no number.", remedy));
             }
             let [c, gamma] = [0, 1].map(|k| angles.iter().map(|pair| pair[k].to_radians()).collect::<Vec<f64>>());

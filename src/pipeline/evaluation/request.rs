@@ -46,14 +46,14 @@ impl View {
         };
         match self {
             View::Grid { c_step_deg, gamma_step_deg } => Ok([
-                view::steps("intensity.c_step_deg", *c_step_deg, 360.0)?,
-                view::steps("intensity.gamma_step_deg", *gamma_step_deg, 180.0)? + 1,
+                view::steps("view.grid.c_step_deg", *c_step_deg, 360.0)?,
+                view::steps("view.grid.gamma_step_deg", *gamma_step_deg, 180.0)? + 1,
             ]),
-            View::Directions(directions) => listed(directions.len(), "intensity.directions"),
-            View::Angles(angles) => listed(angles.len(), "intensity.angles_deg"),
+            View::Directions(directions) => listed(directions.len(), "view.directions"),
+            View::Angles(angles) => listed(angles.len(), "view.angles"),
             View::Plane(plane) => {
-                view::length_mm("plane.width_mm", plane.width_mm)?;
-                view::length_mm("plane.height_mm", plane.height_mm)?;
+                view::length_mm("view.plane.width_mm", plane.width_mm)?;
+                view::length_mm("view.plane.height_mm", plane.height_mm)?;
                 Ok([plane.columns, plane.rows])
             }
             View::Camera(camera) => Ok([camera.columns, camera.rows]),

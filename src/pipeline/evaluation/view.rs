@@ -77,6 +77,13 @@ pub struct Camera {
     pub samples: usize,
 }
 
+impl View {
+    /// Step of C of a grid where nothing is said, degrees.
+    pub const C_STEP_DEG: f64 = 15.0;
+    /// Step of γ, likewise.
+    pub const GAMMA_STEP_DEG: f64 = 5.0;
+}
+
 impl Plane {
     /// Cells in a row where nothing is said.
     pub const COLUMNS: usize = 64;
@@ -208,13 +215,13 @@ impl Plane {
     /// # Errors
     /// [`Error::Unusable`] where a size, a vector or a count cannot be.
     pub fn sheet(&self, frame: &Frame) -> Result<(Sheet, DVec3), Error> {
-        sides(["plane.columns", "plane.rows"], self.columns, self.rows)?;
-        let normal = self.normal.map_or(Ok(-frame.nadir.vector()), |normal| unit("plane.normal", normal))?;
-        let [right, up] = axes("plane.up", -normal, self.up)?;
+        sides(["view.plane.columns", "view.plane.rows"], self.columns, self.rows)?;
+        let normal = self.normal.map_or(Ok(-frame.nadir.vector()), |normal| unit("view.plane.normal", normal))?;
+        let [right, up] = axes("view.plane.up", -normal, self.up)?;
         let sheet = Sheet {
-            middle: place_mm("plane.center_mm", self.center_mm)?,
-            right: length_mm("plane.width_mm", self.width_mm)? / self.columns as f64 * right,
-            up: length_mm("plane.height_mm", self.height_mm)? / self.rows as f64 * up,
+            middle: place_mm("view.plane.center_mm", self.center_mm)?,
+            right: length_mm("view.plane.width_mm", self.width_mm)? / self.columns as f64 * right,
+            up: length_mm("view.plane.height_mm", self.height_mm)? / self.rows as f64 * up,
             columns: self.columns,
             rows: self.rows,
         };
@@ -251,25 +258,25 @@ impl Camera {
     /// # Errors
     /// [`Error::Unusable`] where a size, a vector or a count cannot be.
     pub fn lens(&self) -> Result<Lens, Error> {
-        sides(["camera.columns", "camera.rows"], self.columns, self.rows)?;
+        sides(["view.camera.columns", "view.camera.rows"], self.columns, self.rows)?;
         if !(1..=MOST_SAMPLES).contains(&self.samples) {
             let found = format!("{} lines along each side of a cell were asked for.", self.samples);
-            return Err(geometry("camera.samples", found, "Ask for 1 to 16."));
+            return Err(geometry("view.camera.samples", found, "Ask for 1 to 16."));
         }
-        let eye_mm = place_mm("camera.eye_mm", self.eye_mm)?;
-        let target_mm = place_mm("camera.target_mm", self.target_mm)?;
-        let ahead = unit("camera.target_mm", target_mm - eye_mm).map_err(|_| {
-            geometry("camera.target_mm", "The camera is where it looks at.", "Give another place of the camera.")
+        let eye_mm = place_mm("view.camera.eye_mm", self.eye_mm)?;
+        let target_mm = place_mm("view.camera.target_mm", self.target_mm)?;
+        let ahead = unit("view.camera.target_mm", target_mm - eye_mm).map_err(|_| {
+            geometry("view.camera.target_mm", "The camera is where it looks at.", "Give another place of the camera.")
         })?;
-        let [right, up] = axes("camera.up", ahead, self.up)?;
+        let [right, up] = axes("view.camera.up", ahead, self.up)?;
         let (middle, width, eye_mm) = match self.width {
-            Width::Orthographic(width_mm) => (target_mm, length_mm("camera.width_mm", width_mm)?, None),
+            Width::Orthographic(width_mm) => (target_mm, length_mm("view.camera.width_mm", width_mm)?, None),
             Width::Perspective(field_deg) if field_deg > 0.0 && field_deg < 180.0 => {
                 (eye_mm + ahead, 2.0 * (0.5 * field_deg).to_radians().tan(), Some(eye_mm))
             }
             Width::Perspective(field_deg) => {
                 let found = format!("A field of {field_deg} degrees cannot be projected on a plane.");
-                return Err(geometry("camera.field_deg", found, "Give an angle between 0 and 180 degrees."));
+                return Err(geometry("view.camera.field_deg", found, "Give an angle between 0 and 180 degrees."));
             }
         };
         let cell = width / self.columns as f64;
@@ -282,6 +289,22 @@ impl Lens {
     /// What it sees.
     pub fn sheet(&self) -> &Sheet {
         &self.sheet
+    }
+
+    /// Whether a place is in its picture.
+    pub fn sees(&self, place_mm: DVec3) -> bool {
+        let from_middle = match self.eye_mm {
+            None => place_mm - self.sheet.middle,
+            Some(eye_mm) => {
+                let depth = (place_mm - eye_mm).dot(self.ahead);
+                if depth <= 0.0 {
+                    return false;
+                }
+                (place_mm - eye_mm) / depth - (self.sheet.middle - eye_mm)
+            }
+        };
+        let within = |side: DVec3| from_middle.dot(side).abs() <= side.length_squared();
+        self.sheet.half_sides_mm().into_iter().all(within)
     }
 
     /// Lines along each side of a cell.

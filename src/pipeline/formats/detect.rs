@@ -3,6 +3,7 @@
 use super::bytes::LOOK;
 use super::foreign;
 use super::foreign::EXPORT;
+use super::own;
 use super::record::{Bytes, Reader, Sign};
 use super::text::lines::is_padding;
 use crate::error::Error;
@@ -44,13 +45,16 @@ pub fn detect_start<'r>(readers: &'r [Reader], start: &[u8], length: Option<u64>
     if let Some(reader) = by(&|sign| matches!(sign, Sign::Magic(is) if is(start))) {
         return Ok(Some(reader));
     }
-    if let Some(error) = refused_by_magic(start).or_else(|| foreign::by_magic(start)) {
+    let complete = start.len() >= LOOK || length.is_some_and(|length| start.len() as u64 >= length);
+    if own::may_be(start) && !complete {
+        return Ok(None);
+    }
+    if let Some(error) = own::refused(start).or_else(|| refused_by_magic(start)).or_else(|| foreign::by_magic(start)) {
         return Err(error);
     }
     if let Some(reader) = by(&|sign| matches!(sign, Sign::Marker(is) if is(start))) {
         return Ok(Some(reader));
     }
-    let complete = start.len() >= LOOK || length.is_some_and(|length| start.len() as u64 >= length);
     if !complete {
         return Ok(None);
     }
@@ -94,7 +98,7 @@ fn without_padding(text: &[u8]) -> &[u8] {
 /// Longest line before rays, bytes: a text with a longer one is not looked at any further.
 const LONGEST_HEAD_LINE: usize = 1024;
 /// Code of the refusal of a text without rays.
-const NOT_RAYS: &str = "detect.not_rays";
+pub const NOT_RAYS: &str = "detect.not_rays";
 
 /// How archives begin. Those that are unpacked here come to this only where they are not, inside another one.
 const ARCHIVES: [(&[u8], &str); 8] = [

@@ -26,10 +26,14 @@ mod asap;
 mod prosource;
 /// What is no ray file, or none with a public layout.
 mod foreign;
+/// What Lampwright itself writes.
+mod own;
 /// Wavelengths of rays in another unit than their format has.
 mod wavelengths;
 /// Which format a file is, from content alone.
 pub mod detect;
+/// What a file is where another one was expected.
+mod taken;
 /// Files as vendors ship them: gzip, zstd, zip.
 pub mod packed;
 /// IES TM-27 spectra.
@@ -37,10 +41,13 @@ mod spectrum_xml;
 /// The spectrum of a channel from a file of its own.
 pub mod spectrum_file;
 
+pub use own::{MODEL, model};
+
 use crate::error::Error;
 use crate::vocabulary::declaration::Column;
 use crate::vocabulary::limits::Limits;
 use record::{Bytes, Format, RaySet, Reader, Sign};
+use spectrum_file::SpectrumFile;
 use std::io;
 use std::sync::Arc;
 use text::lines::{is_comment, leading_numbers};
@@ -131,6 +138,23 @@ pub fn peek(prefix: &[u8], length: Option<u64>, limits: &Limits) -> Result<Optio
         Err(Error::Unreadable(_)) | Ok(()) => Ok(Some(reader.format)),
         Err(error) => Err(error),
     }
+}
+
+/// Bytes that [`no_model`] wants to see of a file.
+pub const START_BYTES: usize = bytes::LOOK;
+
+/// The refusal of a file that starts with `start`, its first [`START_BYTES`], and is `length` bytes long, where a model is wanted: it says
+/// what the file is.
+pub fn no_model(start: &[u8], length: u64) -> Error {
+    taken::no_model(&FORMATS, start, length)
+}
+
+/// Reads the spectrum file `bytes`; what is none at all is told by what it is.
+///
+/// # Errors
+/// As [`spectrum_file::parse`]; `spectrum.not_spectrum`.
+pub fn spectrum(bytes: &[u8]) -> Result<SpectrumFile, Error> {
+    spectrum_file::parse(bytes).map_err(|error| taken::no_spectrum(&FORMATS, bytes).unwrap_or(error))
 }
 
 /// The first bytes of a longer file.

@@ -136,6 +136,8 @@ pub enum Sign {
 pub const SPECTRUM_UNREADABLE: &str = "rays.spectrum_unreadable";
 /// Code of the notice for a total that the file has and that cannot be read, where its rays are relative to it.
 pub const TOTAL_UNREADABLE: &str = "rays.total_unreadable";
+/// How the header of rays that were drawn by a sequence says so.
+pub const LOW_DISCREPANCY: &str = "of low discrepancy";
 /// Code of the notice for a length unit that is what a program writes where nobody chose one.
 pub const DEFAULT_UNIT: &str = "rays.default_unit";
 /// Code of the notice for rays without flux, which have equal shares of a declared one.

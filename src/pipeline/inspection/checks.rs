@@ -4,7 +4,7 @@ use super::findings::Inspection;
 use super::findings::{Check, Verdict};
 use super::origins::Origins;
 use crate::error::Fault;
-use crate::formats::record::{DEFAULT_UNIT, EQUAL_SHARES, SPECTRUM_UNREADABLE, TOTAL_UNREADABLE};
+use crate::formats::record::{DEFAULT_UNIT, EQUAL_SHARES, LOW_DISCREPANCY, SPECTRUM_UNREADABLE, TOTAL_UNREADABLE};
 use crate::formats::record::{Facts, SpectralData, TotalRule};
 use crate::formats::text::rows::{MORE_ROWS, too_many_more};
 use crate::rays::check::Flaw;
@@ -300,13 +300,24 @@ fn ray_flux(found: &Inspection) -> Check {
 fn noise(found: &Inspection) -> Check {
     const NAME: &str = "rays.noise";
     let Some(noise) = &found.noise else { return ok(NAME, "There are no rays.") };
+    let even = found.header.texts.iter().any(|text| text.value.contains(LOW_DISCREPANCY));
+    let cells = noise.cells_at_5_percent.round();
+    let few = if cells < 1.0 {
+        String::new()
+    } else {
+        format!("; one of {cells:.0} cell{} has 5 %", if cells > 1.0 { "s" } else { "" })
+    };
     let told = format!(
-        "A picture of 50 x 50 cells made of these rays has {:.1} % noise; {:.0} cells have 5 %.",
+        "A picture of 50 x 50 cells made of so many random rays has {:.1} % noise{few}.{}",
         100.0 * noise.of_2500_cells,
-        noise.cells_at_5_percent
+        if even { " These are of low discrepancy, as the header says, and have less." } else { "" }
     );
     if noise.of_2500_cells > NOISY {
-        return notice(NAME, told, "Ask the vendor for more rays, or expect a coarse model.");
+        let remedy = match even {
+            true => "Compare with rays of another seed, which tell how much less; or draw more.",
+            false => "Ask the vendor for more rays, or expect a coarse model.",
+        };
+        return notice(NAME, told, remedy);
     }
     ok(NAME, told)
 }
@@ -401,10 +412,10 @@ fn beam(found: &Inspection) -> Check {
     let round = beam.greatest_deg < 1.2 * beam.least_deg;
     let wide = if round { String::new() } else { format!(" by {:.3}", beam.greatest_deg) };
     let told = format!(
-        "The beam is {:.3}{wide}\u{b0} wide at half of its maximum, and holds {:.1} % of the flux. A goniogram needs steps of \
-         {:.4}\u{b0} to show it.",
-        beam.least_deg,
+        "One beam holds {:.1} % of the flux, its faint sides included; where it has half of its greatest intensity, it is \
+         {:.3}{wide}\u{b0} wide. A goniogram needs steps of {:.4}\u{b0} to show it.",
         100.0 * beam.share,
+        beam.least_deg,
         beam.goniogram_step_deg
     );
     ok(NAME, told)

@@ -26,7 +26,10 @@ const SHADES: usize = 8;
 const STRAY: f64 = 1e-3;
 const FOCUS_COLOR: &str = "#d55e00";
 
-/// `origins.svg` and `far-field.svg`; none where no ray can be used.
+/// Names of the drawings.
+pub const NAMES: [&str; 2] = ["origins.svg", "far-field.svg"];
+
+/// The drawings; none where no ray can be used.
 pub fn artifacts(inspection: &Inspection, name: &str) -> Vec<Artifact> {
     if inspection.evidence.sample.is_empty() {
         return Vec::new();
@@ -49,7 +52,7 @@ fn origins(inspection: &Inspection, name: &str) -> Artifact {
     for (left, seen) in LEFT.into_iter().zip(SEEN) {
         window.projection(&mut svg, inspection, left, seen);
     }
-    svg.artifact("origins.svg")
+    svg.artifact(NAMES[0])
 }
 
 /// The cube of space that is drawn.
@@ -199,5 +202,5 @@ fn far_field(inspection: &Inspection, name: &str) -> Artifact {
     polar_chart::polyline(&mut svg, c90.iter().map(place), C90_COLOR, "7 4");
     polar_chart::polyline(&mut svg, c0.iter().map(place), C0_COLOR, "");
     polar_chart::legend(&mut svg, &frame);
-    svg.artifact("far-field.svg")
+    svg.artifact(NAMES[1])
 }

@@ -18,7 +18,7 @@ mod write;
 mod tests;
 
 pub use catalogue::{all, by_name};
-pub use write::{SAMPLE, write_sample, write_tm25};
+pub use write::{SAMPLE, tm25_bytes, write_sample, write_tm25};
 
 use crate::formats::record::RawRay;
 use crate::vocabulary::space::{Axis, Bounds, Frame};

@@ -66,6 +66,16 @@ pub fn write_tm25(source: &KnownSource, rays: u64, seed: u64, out: &mut dyn Writ
     }
 }
 
+/// Bytes of the file that [`write_tm25`] writes.
+///
+/// # Errors
+/// As [`write_tm25`].
+pub fn tm25_bytes(source: &KnownSource, rays: u64) -> io::Result<u64> {
+    let mut head = Vec::new();
+    let row_bytes = Writer::start(&mut head, &preamble(source, rays, 1))?.rows().row_bytes() as u64;
+    Ok(head.len() as u64 + rays.saturating_mul(row_bytes))
+}
+
 fn preamble(source: &KnownSource, ray_count: u64, seed: u64) -> Preamble {
     let tables: Vec<_> = source.parts().iter().map(|part| part.glow.points()).collect();
     let one = source.has_one_spectrum();

@@ -3,7 +3,7 @@
 use crate::convert::Target;
 use crate::error::Error;
 use crate::formats::lighttools::writer as lighttools;
-use crate::formats::record::RawRay;
+use crate::formats::record::{LOW_DISCREPANCY, RawRay};
 use crate::formats::tm25;
 use crate::formats::tm25::Preamble;
 use crate::formats::tm25::additional::Additional;
@@ -107,7 +107,7 @@ impl Told<'_> {
         texts[0] = self.name.to_owned();
         texts[4] = format!("lampwright {}", env!("CARGO_PKG_VERSION"));
         let Request { seed, low_discrepancy, .. } = self.request;
-        let spread = if low_discrepancy { ", of low discrepancy" } else { "" };
+        let spread = if low_discrepancy { format!(", {LOW_DISCREPANCY}") } else { String::new() };
         texts[7] = format!("New rays drawn from a model of the source{spread}. Seed {seed}.");
         let header = Header {
             luminous_lm: self.flux.luminous_lm,

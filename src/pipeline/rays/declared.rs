@@ -81,7 +81,7 @@ pub struct Correction {
 ///
 /// # Errors
 /// `rays.columns_not_text` where columns are declared of a format that has its own, `rays.quantity_both` where a quantity is
-/// declared of a file that carries both, `rays.flux_impossible`.
+/// declared of a file that carries both, `rays.quantity_known` where the file's own spectrum tells it, `rays.flux_impossible`.
 pub fn apply_declaration(facts: &mut Facts, declared: &Declared) -> Result<Correction, Error> {
     declared.validate()?;
     if declared.columns.is_some() && !facts.format.is_text() {
@@ -96,7 +96,7 @@ pub fn apply_declaration(facts: &mut Facts, declared: &Declared) -> Result<Corre
         facts.notices.take_out(DEFAULT_UNIT);
     }
     let scale = apply_unit(facts, declared.length_unit);
-    let mut moved = apply_quantity(facts, declared.quantity)?;
+    let mut moved = apply_quantity(facts, declared)?;
     if let Some(table) = &declared.spectrum {
         apply_spectrum(facts, table);
     }
@@ -122,28 +122,55 @@ fn apply_unit(facts: &mut Facts, declared: Option<LengthUnit>) -> f64 {
 }
 
 /// True when the values move to the other quantity.
-fn apply_quantity(facts: &mut Facts, declared: Option<Quantity>) -> Result<bool, Error> {
-    let Some(quantity) = declared else { return Ok(false) };
+fn apply_quantity(facts: &mut Facts, declared: &Declared) -> Result<bool, Error> {
+    let Some(quantity) = declared.quantity else { return Ok(false) };
     let unknown = std::mem::take(&mut facts.quantity_unknown);
-    match stored(facts) {
-        None => {
-            let found = "The file carries W and lm for every ray; there is nothing to declare.";
-            Err(Error::refused("rays.quantity_both", found, "Leave the quantity out.").at_channel(0, "quantity"))
-        }
-        Some(stored) if stored == quantity => Ok(false),
-        Some(stored) => {
-            if !unknown {
-                let told = format!(
-                    "The file says {}; as declared, its values were read as {}.",
-                    stored.unit(),
-                    quantity.unit()
-                );
-                facts.notices.add("rays.quantity_replaced", told);
-            }
-            shift(facts);
-            Ok(true)
-        }
+    let Some(stored) = stored(facts) else {
+        let found = "The file carries W and lm for every ray; there is nothing to declare.";
+        return Err(Error::refused("rays.quantity_both", found, "Leave the quantity out.").at_channel(0, "quantity"));
+    };
+    if stored == quantity {
+        return Ok(false);
     }
+    if !unknown {
+        let read = read_as(facts, declared, [stored, quantity])?;
+        let told = format!("The file says {}; as declared, its values were read as {read}.", stored.unit());
+        facts.notices.add("rays.quantity_replaced", told);
+    }
+    shift(facts);
+    Ok(true)
+}
+
+/// As what the values are read where the file says the first quantity and its user the second one. 2.4 W are never 2.4 lm by a word alone: the
+/// file's own total in the declared quantity holds, and where its spectrum tells that quantity of each ray, only who also says the flux, or a
+/// share of it, can mean other numbers.
+fn read_as(facts: &Facts, declared: &Declared, [stored, quantity]: [Quantity; 2]) -> Result<String, Error> {
+    let [own, other] = [stored.unit(), quantity.unit()];
+    if declared.flux.is_some() {
+        return Ok(other.to_owned());
+    }
+    let per_ray = matches!(facts.spectral, SpectralData::Wavelength | SpectralData::Tables(_));
+    let total = facts.header_flux.of(quantity).filter(|_| !per_ray || declared.spectrum.is_some());
+    if let Some(total) = total {
+        return Ok(format!("shares of its own total of {total} {other}"));
+    }
+    let conversion = Conversion::of(facts);
+    let by_file = match quantity {
+        Quantity::Radiant => conversion.knows_radiant(),
+        Quantity::Luminous => conversion.knows_luminous(),
+    };
+    let by_table = |table: &Table| quantity == Quantity::Luminous || table.lm_per_w() > 0.0;
+    if declared.spectrum.as_ref().map_or(by_file, by_table) {
+        let found = format!(
+            "The file's values are in {own}, and its spectrum gives {other} too: the model has both, whatever is declared. Read as \
+             {other}, the same numbers would be another light."
+        );
+        let remedy = format!(
+            "Leave the quantity out. If the file is wrong and its values are {other}, declare the quantity and the flux of its channel together (in {other})."
+        );
+        return Err(Error::refused("rays.quantity_known", found, remedy).at_channel(0, "quantity"));
+    }
+    Ok(format!("{other}, and {own} are unknown"))
 }
 
 /// The declared table holds, and its lm/W: the header's, and the lm of rays that have W too, came from a spectrum that no longer
@@ -202,12 +229,13 @@ fn stored(facts: &Facts) -> Option<Quantity> {
     }
 }
 
-/// The values of a file that carries one quantity are of the other, and so is the header's total of them.
+/// The values of a file that carries one quantity are of the other, and so is the header's total of them where it has none of the other.
 fn shift(facts: &mut Facts) {
     let Some(from) = stored(facts) else { return };
     let to = from.other();
-    let header = facts.header_flux;
-    facts.header_flux = Flux::only(to, header.of(from).or(header.of(to)));
+    if facts.header_flux.of(to).is_none() {
+        facts.header_flux = Flux::only(to, facts.header_flux.of(from));
+    }
     (facts.has_radiant, facts.has_luminous) = (to == Quantity::Radiant, to == Quantity::Luminous);
     if facts.spectral == SpectralData::Tristimulus {
         facts.spectral = SpectralData::None;

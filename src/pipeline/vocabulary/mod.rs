@@ -1,5 +1,7 @@
 //! Words that at least two stages speak. Knows no stage.
 
+/// Numbers as people write them.
+pub mod number;
 /// Radiant and luminous flux, and what is known of each.
 pub mod units;
 /// The source frame: axes, boxes, the photometric frame.

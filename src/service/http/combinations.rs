@@ -78,12 +78,12 @@ pub struct ModelTurn {
 }
 
 impl ChangedModel {
-    /// In the pipeline's words; `spectrum` is what it names.
-    fn change(&self, spectrum: Option<Table>) -> Result<Change, Problem> {
+    /// In the pipeline's words; `index` is its place among the models, `spectrum` what it names.
+    fn change(&self, index: usize, spectrum: Option<Table>) -> Result<Change, Problem> {
         let strength = match (self.scale, self.flux) {
             (Some(_), Some(_)) => {
                 let found = "A model has a scale and a flux.";
-                let (place, remedy) = (Place::Asked("scale"), "Give one of the two.");
+                let (place, remedy) = (Place::Model(index, "scale"), "Give one of the two.");
                 return Err(Error::invalid_declaration("combination.change", place, found, remedy).into());
             }
             (scale, flux) => scale.map(Strength::Factor).or(flux.map(|flux| Strength::Flux(flux.total()))),
@@ -121,8 +121,8 @@ pub async fn combine(
     }
     in_range(&new)?;
     let mut wanted = Vec::with_capacity(new.models.len());
-    for model in new.models {
-        let change = model.change(spectrum(&api, &access, model.spectrum.as_ref()).await?)?;
+    for (index, model) in new.models.into_iter().enumerate() {
+        let change = model.change(index, spectrum(&api, &access, index, model.spectrum.as_ref()).await?)?;
         find(&api, &access, &model.job).await?;
         wanted.push(Wanted { files: model_files(&api, &model.job).await?, name: model.name, change });
     }
@@ -153,8 +153,13 @@ fn in_range(new: &NewCombination) -> Result<(), Problem> {
     Ok(())
 }
 
-/// The spectrum that a model is to get.
-async fn spectrum(api: &Api, access: &Access, choice: Option<&SpectrumChoice>) -> Result<Option<Table>, Problem> {
+/// The spectrum that model `index` is to get.
+async fn spectrum(
+    api: &Api,
+    access: &Access,
+    index: usize,
+    choice: Option<&SpectrumChoice>,
+) -> Result<Option<Table>, Problem> {
     let points = match choice {
         None => return Ok(None),
         Some(SpectrumChoice::NmValue(points)) => points.clone(),
@@ -166,7 +171,7 @@ async fn spectrum(api: &Api, access: &Access, choice: Option<&SpectrumChoice>) -
     let table = Table::new(&points).ok_or_else(|| {
         let found = "The points do not form a valid spectrum.";
         let remedy = "Give wavelengths in nm, positive and increasing, with values of 0 or more, one of them above 0.";
-        Error::invalid_declaration("combination.change", Place::Asked("spectrum"), found, remedy)
+        Error::invalid_declaration("combination.change", Place::Model(index, "spectrum"), found, remedy)
     })?;
     Ok(Some(table))
 }

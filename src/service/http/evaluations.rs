@@ -69,10 +69,12 @@ pub struct NumberTriple(#[expect(dead_code, reason = "a schema, never a value")]
 #[derive(Clone, Copy, Debug, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DirectionGrid {
-    /// Step of C, degrees; divides 360.
-    pub c_step_deg: f64,
-    /// Step of gamma, degrees; divides 180.
-    pub gamma_step_deg: f64,
+    /// Step of C, degrees; divides 360. Default: 15.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub c_step_deg: Option<f64>,
+    /// Step of gamma, degrees; divides 180. Default: 5.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gamma_step_deg: Option<f64>,
 }
 
 /// A rectangle of a plane. Its rows are those of the picture that is seen from the side that is lit.
@@ -178,9 +180,10 @@ impl NewEvaluation {
     fn request(self) -> Result<EvaluationRequest, Problem> {
         let vector = Vector::from_array;
         let view = match self.view {
-            EvaluationView::Grid(DirectionGrid { c_step_deg, gamma_step_deg }) => {
-                View::Grid { c_step_deg, gamma_step_deg }
-            }
+            EvaluationView::Grid(DirectionGrid { c_step_deg, gamma_step_deg }) => View::Grid {
+                c_step_deg: c_step_deg.unwrap_or(View::C_STEP_DEG),
+                gamma_step_deg: gamma_step_deg.unwrap_or(View::GAMMA_STEP_DEG),
+            },
             EvaluationView::Directions(directions) => View::Directions(directions.into_iter().map(vector).collect()),
             EvaluationView::Angles(angles) => View::Angles(angles),
             EvaluationView::Plane(plane) => View::Plane(plane.plane()),
@@ -226,7 +229,7 @@ impl CameraView {
                 _ => {
                     let found = "The camera has no width, or two: width_mm and field_deg.";
                     let remedy = "Give width_mm of an orthographic camera, or field_deg of a perspective one.";
-                    let place = Place::Asked("camera.width_mm");
+                    let place = Place::Asked("view.camera.width_mm");
                     return Err(Error::invalid_declaration("evaluation.geometry", place, found, remedy));
                 }
             },

@@ -16,7 +16,8 @@ use axum::extract::State;
 use axum::http::{HeaderMap, Method};
 use axum::response::Response;
 use pipeline::{MODEL_FILES, MOST_NEW_RAYS, RayRequest, Target};
-use serde::Deserialize;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
 use utoipa::ToSchema;
 
 /// The format that rays are written in.
@@ -55,8 +56,9 @@ impl RayFormat {
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct RaysQuery {
-    /// How many rays.
+    /// How many rays: 1000000 or 1e6.
     #[param(minimum = 1, maximum = 1_000_000_000_000_u64)]
+    #[serde(deserialize_with = "count")]
     pub count: u64,
     /// Seed of the random numbers: the same seed gives the same rays, another seed others of the same light.
     #[param(minimum = 0, default = 1)]
@@ -71,6 +73,16 @@ pub struct RaysQuery {
     #[param(inline)]
     #[serde(default)]
     pub format: RayFormat,
+}
+
+/// A number of rays as people write it, here and on the command line.
+fn count<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
+    let text = String::deserialize(deserializer)?;
+    // 0 is a number, out of its range.
+    text.parse()
+        .ok()
+        .or_else(|| pipeline::count(&text))
+        .ok_or_else(|| D::Error::custom(format!("{text:?} is no number of rays, as 1000000 or 1e6")))
 }
 
 impl RaysQuery {

@@ -113,8 +113,9 @@ void main() {
   gl_Position = clip_from_source * vec4(position, 1.0);
 }`;
 
-/** The same between the vertices; few triangles are less well aligned with the light where they are seen at the edge, and so not seen
- * brighter than 1/0.02. Which way the surface lies is seen from its neighbouring pixels. */
+/** The same between the vertices: a point shines by M q / |cos θ|, θ the angle between the line of sight and the normal of its triangle. Few
+ * triangles lie in other directions than the surface does. At its rim, where they are seen from the side, their θ is wrong and the quotient has
+ * no bound, so |cos θ| counts as 0.02 at least: nothing there is brighter than 50 M q. The neighbouring pixels tell the normal. */
 export const movingLight = `${HEAD}${CUT}
 in vec3 place; in vec4 sent;
 uniform vec3 eye;

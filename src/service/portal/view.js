@@ -18,6 +18,12 @@ const TURN_DEG = 5;
  */
 const SLOW_MS = 16;
 const FAST_MS = 6;
+/**
+ * After a slow picture few triangles are drawn for so long; then all of them are tried again, as the machine may have been busy with something
+ * else. Where they are slow again, the next time is twice as long.
+ */
+const FEW_FOR_MS = 4000;
+const LONGEST_FEW_MS = 256000;
 /** Fewest pixels: each is so many times as wide as at rest. */
 const COARSEST = 4;
 const REST_MS = 220;
@@ -40,6 +46,7 @@ export class View {
     const all = ["seen", lamp.hasColour ? "true" : null, "exitance", "solid", "zones", "stages"];
     this.offered = all.filter((mode) => mode && (!modes || modes.includes(mode)));
     Object.assign(this, { mode: "seen", decades: 0, held: false, greatest: null, own: null, coarse: 1, cursor: null, zone: null });
+    Object.assign(this, { fewUntil: 0, fewFor: FEW_FOR_MS });
     this.cut = { axis: null, part: 0.5, isOther: false };
     this.build();
     this.listen();
@@ -152,6 +159,7 @@ export class View {
     if (!clientWidth || !clientHeight) return;
     const fine = Math.min(devicePixelRatio || 1, 2) / (rests ? 1 : this.coarse);
     this.picture.resize(Math.max(1, Math.round(clientWidth * fine)), Math.max(1, Math.round(clientHeight * fine)));
+    this.picture.isSlow = began < this.fewUntil;
     this.picture.sum(this.camera, this.mode, !rests, this.cutPlane());
     this.scale(rests);
     this.paint();
@@ -162,12 +170,19 @@ export class View {
     }
     // Without this, pictures would be asked for faster than they are drawn, and those on the screen would be old.
     this.picture.finish();
-    const took = performance.now() - began;
-    if (took > SLOW_MS && !this.picture.isSlow) this.picture.isSlow = true;
-    else if (took > SLOW_MS && this.coarse < COARSEST) this.coarse *= Math.SQRT2;
-    else if (took < FAST_MS && this.coarse > 1) this.coarse = Math.max(1, this.coarse / Math.SQRT2);
+    this.pace(performance.now() - began);
     clearTimeout(this.settle);
     this.settle = setTimeout(() => this.request(), REST_MS + 10);
+  }
+
+  /** Fewer triangles, then fewer pixels, where a picture that moves took so long; more where it was quick. */
+  pace(took) {
+    if (took > SLOW_MS && !this.picture.isSlow) {
+      this.fewUntil = performance.now() + this.fewFor;
+      this.fewFor = Math.min(2 * this.fewFor, LONGEST_FEW_MS);
+    } else if (took > SLOW_MS) this.coarse = Math.min(COARSEST, this.coarse * Math.SQRT2);
+    else if (took < FAST_MS && this.coarse > 1) this.coarse = Math.max(1, this.coarse / Math.SQRT2);
+    else if (took < FAST_MS && !this.picture.isSlow) this.fewFor = FEW_FOR_MS;
   }
 
   /** What is brightest on the scale: of all linked pictures, once they rest. */

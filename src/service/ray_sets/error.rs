@@ -1,7 +1,6 @@
 //! Why a ray file is not taken in.
 
 use super::pace::TooSlow;
-use super::rows::LeftOut;
 use crate::accounts::quota::Exceeded;
 use crate::cause::Cause;
 use crate::storage;
@@ -39,9 +38,6 @@ pub enum Error {
     /// The archive cannot be unpacked, or exceeds a limit.
     #[error(transparent)]
     Packed(pipeline::Error),
-    /// The archive contains no ray file.
-    #[error("the archive contains no ray file")]
-    NoRayFile(Vec<LeftOut>),
     /// The file exceeds the storage quota of the tenant.
     #[error(transparent)]
     Quota(#[from] Exceeded),
@@ -80,7 +76,6 @@ impl From<&Error> for Cause {
             | Error::Broken(_)
             | Error::Slow(_)
             | Error::Digest { .. }
-            | Error::NoRayFile(_)
             | Error::Quota(_) => Cause::Input,
             Error::Unfit(error) | Error::Packed(error) => Cause::from(error),
             Error::LowSpace => Cause::StoreAway,

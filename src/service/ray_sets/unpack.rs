@@ -21,7 +21,7 @@ impl Intake {
     /// out must find `room` as it does.
     ///
     /// # Errors
-    /// [`Error::Packed`], [`Error::NoRayFile`], [`Error::TooLarge`], [`Error::Quota`], [`Error::LowSpace`],
+    /// [`Error::Packed`], [`Error::TooLarge`], [`Error::Quota`], [`Error::LowSpace`],
     /// [`Error::Storage`]; nothing unpacked is left behind.
     pub(super) async fn unpack(
         &self,
@@ -62,7 +62,7 @@ impl Unpacking {
         let (bytes, limits) = (self.intake.read(stored), self.intake.limits);
         let done = pipeline::unpack(&bytes, &stored.name, &limits, |name, content| self.visit(name, content));
         match done {
-            Ok(()) if self.drafts.is_empty() => Err(Error::NoRayFile(self.left_out)),
+            Ok(()) if self.drafts.is_empty() => Err(Error::Packed(no_ray_file(&self.left_out))),
             Ok(()) => {
                 for packed in self.drafts.iter_mut().filter_map(|draft| draft.ray_set.packed.as_mut()) {
                     packed.left_out.clone_from(&self.left_out);
@@ -135,4 +135,8 @@ fn left_out(name: &str, error: Error) -> Result<LeftOut, Error> {
         _ => return Err(error),
     };
     Ok(LeftOut { name: name.to_owned(), code: code.to_owned(), detail: error.to_string() })
+}
+
+fn no_ray_file(left_out: &[LeftOut]) -> pipeline::Error {
+    pipeline::no_ray_file(left_out.iter().map(|file| (file.name.as_str(), file.code.as_str(), file.detail.as_str())))
 }

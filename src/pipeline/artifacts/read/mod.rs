@@ -14,6 +14,8 @@ mod tests;
 
 use crate::error::Error;
 use crate::flux::Amounts;
+use crate::formats::packed::{Packing, packing};
+use crate::formats::{START_BYTES, no_model};
 use crate::goniogram::{Goniogram, Mixture, SphereGrid};
 use crate::hull::Mesh;
 use crate::model::evaluation::Evaluator;
@@ -27,7 +29,7 @@ use angles::Angles;
 use glam::DVec3;
 use glb::{AGAIN, Glb};
 use places::Places;
-use std::io::{Read, Seek};
+use std::io::{Read, Seek, SeekFrom};
 use zip::ZipArchive;
 use zip::result::ZipError;
 
@@ -157,20 +159,26 @@ fn check_light(model: &StoredModel) -> Result<(), Error> {
 /// The bytes of `emitter.glb` and `goniograms.json` in a `model.zip`.
 ///
 /// # Errors
-/// [`Error::Malformed`], [`Error::Refused`], [`Error::Unreadable`].
-pub fn unpack(archive: impl Read + Seek) -> Result<[Vec<u8>; 2], Error> {
+/// [`Error::Malformed`], [`Error::Refused`], [`Error::Unreadable`]; `model.not_model` where it is something else, with its name.
+pub fn unpack(mut archive: impl Read + Seek) -> Result<[Vec<u8>; 2], Error> {
     let unzipped = |error: ZipError| match error {
         ZipError::Io(error) => Error::Unreadable(error),
         ZipError::FileNotFound => {
             let found = "The archive holds no model: emitter.glb or goniograms.json is missing.";
-            Error::malformed("model.missing_file", found, "Give the model.zip of a job, or its folder.")
+            let remedy = "Name the model.zip of a job or its folder; of ray files, packed or not, lampwright build makes a model.";
+            Error::malformed("model.missing_file", found, remedy)
         }
         other => {
-            let found = format!("This is no zip archive of a model that can be read: {other}.");
-            let remedy = "Name a model's folder or its model.zip; lampwright build makes one of a ray file.";
-            Error::malformed("model.archive", found, remedy)
+            let found = format!("This is a zip archive that cannot be read: {other}.");
+            Error::malformed("model.archive", found, "Fetch the model.zip again; the copy is not complete, or damaged.")
         }
     };
+    let mut start = Vec::new();
+    archive.by_ref().take(START_BYTES as u64).read_to_end(&mut start)?;
+    if packing(&start) != Some(Packing::Zip) {
+        return Err(no_model(&start, archive.seek(SeekFrom::End(0))?));
+    }
+    archive.rewind()?;
     let mut archive = ZipArchive::new(archive).map_err(unzipped)?;
     let mut file = |name: &str| -> Result<Vec<u8>, Error> {
         let mut bytes = Vec::new();

@@ -12,6 +12,7 @@ mod zip;
 #[cfg(test)]
 mod tests;
 
+use super::own::{MODEL, model};
 use super::record::Bytes;
 use crate::error::Error;
 use crate::vocabulary::limits::Limits;
@@ -97,6 +98,30 @@ pub fn left_out<'a>(name: &str, files: impl ExactSizeIterator<Item = (&'a str, &
         notices.count("container.left_out", count as u64, None, told);
     }
     notices.to_vec()
+}
+
+/// The refusal of a packed file without a ray file: of each file in it its name, the code that refuses it, and the refusal's sentence.
+pub fn no_ray_file<'a>(files: impl ExactSizeIterator<Item = (&'a str, &'a str, &'a str)>) -> Error {
+    let files: Vec<_> = files.collect();
+    if files.iter().any(|(_, code, found)| *code == MODEL && found.contains("emitter.glb")) {
+        return model();
+    }
+    let told = match files.as_slice() {
+        [] => "The archive contains no file.".to_owned(),
+        [(name, code, found)] => format!("The archive contains no ray file, only {name:?} ({code}): {found}"),
+        _ => {
+            let named: Vec<String> =
+                files.iter().take(MOST_NAMED).map(|(name, code, _)| format!("{name:?} ({code})")).collect();
+            let more = files.len() - named.len();
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            format!("The archive contains no ray file. In it are {}{more}.", named.join(", "))
+        }
+    };
+    Error::refused(
+        "container.no_ray_file",
+        told,
+        "Take the ray file itself, or a gzip, zstd or zip file that contains it.",
+    )
 }
 
 /// Shows every file in a packed one to `visit`, in order, but for folders and what operating systems add. `name` is what the

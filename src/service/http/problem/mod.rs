@@ -32,8 +32,6 @@ use utoipa::ToSchema;
 pub const MEDIA_TYPE: &str = "application/problem+json";
 /// When to ask again for a place in a full queue, s: jobs take about that long.
 const QUEUE_WAIT_S: u32 = 10;
-/// Files of a packed file that a problem names.
-const NAMED: usize = 20;
 
 /// A problem (RFC 9457): why a request failed.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
@@ -181,20 +179,6 @@ impl Problem {
         let detail = format!("The ray set has no drawing {name}.");
         Problem::new(StatusCode::NOT_FOUND, "drawing.not_found", "No such drawing", detail)
             .remedy("Ray sets without usable rays have no drawings, nor have those that an earlier version without inspections stored; upload the file again to get them.")
-    }
-
-    /// A packed file without a ray file.
-    fn no_ray_file(left_out: &[ray_sets::LeftOut]) -> Problem {
-        let mut detail = "The archive contains no ray file.".to_owned();
-        for file in left_out.iter().take(NAMED) {
-            detail += &format!(" {:?} ({}): {}", file.name, file.code, file.detail);
-        }
-        if left_out.len() > NAMED {
-            detail += &format!(" And {} more.", left_out.len() - NAMED);
-        }
-        let status = StatusCode::UNPROCESSABLE_ENTITY;
-        Problem::new(status, "container.no_ray_file", "No ray file in the archive", detail)
-            .remedy("Send the ray file itself, or compress it with gzip, zstd or zip.")
     }
 
     /// No such artifact.
@@ -466,7 +450,6 @@ impl From<ray_sets::Error> for Problem {
             )
             .remedy("Send it again."),
             Error::Unfit(error) | Error::Packed(error) => error.into(),
-            Error::NoRayFile(left_out) => Problem::no_ray_file(&left_out),
             Error::Quota(exceeded) => exceeded.into(),
             Error::LowSpace => Problem::low_space(),
             Error::Storage(error) => error.into(),
