@@ -16,6 +16,9 @@ const FEWEST_RAYS: f64 = 10.0;
 /// Spectra differ where their differences exceed the mean of chance by so many of its standard deviations.
 const SURELY: f64 = 5.0;
 
+/// Bins are looked at together, by direction, by place and each by itself: small differences of many show in the first, opposite ones in the last.
+const LOOKS: [fn(usize) -> usize; 4] = [|_| 0, |bin| bin % 4, |bin| bin / 4, |bin| bin];
+
 /// What was seen in a bin, of one image.
 #[derive(Clone, Copy, Default)]
 struct Sums {
@@ -26,6 +29,13 @@ struct Sums {
 }
 
 impl Sums {
+    fn add(&mut self, other: &Sums) {
+        self.weight += other.weight;
+        self.squares += other.squares;
+        let both = self.parts.iter_mut().flatten().zip(other.parts.iter().flatten());
+        both.for_each(|(sum, more)| *sum += more);
+    }
+
     /// Rays of equal weight that tell as much.
     fn rays(&self) -> f64 {
         if self.squares > 0.0 { self.weight * self.weight / self.squares } else { 0.0 }
@@ -46,8 +56,17 @@ pub fn has_symmetric_spectrum(patch: &FocalPatch, rays: &[Ray], parts: impl Fn(&
             sum[1] += weight * part * part;
         }
     }
+    LOOKS.into_iter().all(|of_bin| is_alike(&bins, of_bin))
+}
+
+/// Whether images have the same spectrum as far as can be told; bins with the same number `of_bin` as one.
+fn is_alike(bins: &[[Sums; IMAGES]], of_bin: fn(usize) -> usize) -> bool {
+    let mut joined = vec![[Sums::default(); IMAGES]; bins.len()];
+    for (number, images) in bins.iter().enumerate() {
+        joined[of_bin(number)].iter_mut().zip(images).for_each(|(sum, image)| sum.add(image));
+    }
     let (mut square, mut expected) = (0.0, 0.0);
-    for images in &bins {
+    for images in &joined {
         let seen: Vec<&Sums> = images.iter().filter(|image| image.rays() >= FEWEST_RAYS).collect();
         for part in 0..GROUPS {
             let (found, freedoms) = difference(&seen, part);
