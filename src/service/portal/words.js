@@ -387,6 +387,8 @@ export const words = {
         ["ies/total.ies", "the whole source as an IES file: for lighting design"],
         ["ies/total.ldt", "the same as an EULUMDAT file"],
         ["ies/", "one zone as an IES or EULUMDAT file"],
+        ["total.tm33.xml", "the whole source by TM-33-23, with watts and spectra: for horticulture, ultraviolet, spectral design"],
+        ["source.gldf", "the surface with its zones as light-emitting objects: for DIALux and Relux"],
         ["spectra.csv", "spectra as numbers: for spreadsheets"],
         ["plots/", "a drawing"],
         ["report.json", "where every ray and every watt went, and all options"],
