@@ -50,6 +50,7 @@ pub mod adapters;
 /// What a run needs of the machine.
 pub mod memory;
 
+pub use adapters::{Adapted, Renderer, adapt};
 pub use artifacts::read::{FILES as MODEL_FILES, StoredModel, check_size as check_model_size, read as read_model};
 pub use combination::{Change, Component, MOST_MODELS, Strength, Turn};
 pub use convert::{Failed, Target};

@@ -68,8 +68,12 @@ impl Things {
             _ => "",
         };
         let query = if path.ends_with("/rays") { "?count=10" } else { "" };
-        let address =
-            path.replace("{id}", id).replace("{name}", "read.txt").replace("{delivery}", &self.delivery) + query;
+        let address = path
+            .replace("{id}", id)
+            .replace("{name}", "read.txt")
+            .replace("{renderer}", "mitsuba")
+            .replace("{delivery}", &self.delivery)
+            + query;
         assert!(!address.contains('{') && !address.contains("//"), "say here what the parameters of {path} are");
         address
     }

@@ -18,7 +18,8 @@ fn the_committed_contract_is_the_generated_one() {
 }
 
 /// Every operation of the contract, by name.
-const OPERATIONS: [&str; 41] = [
+const OPERATIONS: [&str; 42] = [
+    "adapt_model",
     "append_to_upload",
     "cancel_job",
     "change_webhook",

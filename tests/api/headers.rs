@@ -14,7 +14,8 @@ use support::runners::prompt;
 use support::site::{Reply, Site};
 
 /// Things whose entity tags their own handlers judge.
-const TAGGED: [&str; 5] = ["get_artifact", "get_zip", "draw_rays", "get_origins_drawing", "get_far_field_drawing"];
+const TAGGED: [&str; 6] =
+    ["adapt_model", "get_artifact", "get_zip", "draw_rays", "get_origins_drawing", "get_far_field_drawing"];
 
 /// Sends an operation with one more header.
 async fn with(site: &Site, things: &Things, operation: &Operation, key: &str, header: (&str, &str)) -> Reply {

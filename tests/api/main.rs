@@ -25,6 +25,7 @@ mod rays;
 mod evaluations;
 /// Models of jobs combined.
 mod combinations;
+mod adapters;
 /// Keys, tenants, quotas and rates.
 mod access;
 /// What connections may ask of the process.

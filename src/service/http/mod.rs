@@ -42,6 +42,8 @@ pub mod rays;
 pub mod evaluations;
 /// Models of jobs combined.
 mod combinations;
+/// Models as renderers open them.
+mod adapters;
 /// Webhooks.
 pub mod webhooks;
 /// Deliveries of webhooks.
@@ -152,6 +154,7 @@ fn routes() -> OpenApiRouter<Api> {
         .routes(needs(JobsRead, routes!(rays::draw)))
         .routes(needs(JobsRead, routes!(evaluations::evaluate)))
         .routes(needs(JobsRead, routes!(combinations::combine)))
+        .routes(needs(JobsRead, routes!(adapters::adapt)))
         .routes(needs(WebhooksRead, routes!(webhooks::list)))
         .routes(needs(WebhooksRead, routes!(webhooks::get)))
         .routes(needs(WebhooksRead, routes!(deliveries::list)));

@@ -1,7 +1,7 @@
 //! `/v1/jobs/{id}/rays`: new rays from the model of a job, made while they are sent.
 
 use super::api::Api;
-use super::artifacts::{FileFacts, answer};
+use super::artifacts::{FileFacts, answer, promise};
 use super::extract::{Path, Query};
 use super::job::find;
 use super::problem::Problem;
@@ -83,7 +83,7 @@ impl RaysQuery {
 ///
 /// A ray file with as many rays as are asked for, all of the same flux, made while it is sent: ray i depends on the seed and on i alone, so a
 /// range of bytes is the same whoever asks for it when, and a download can be resumed. The entity tag names model, count, seed, how rays are spread,
-/// format and the computation.
+/// format and the computation. HEAD reads no model: it tells the length of a file that this process has begun to send before.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/rays", tag = "artifacts", operation_id = "draw_rays",
     params(
@@ -127,16 +127,18 @@ pub async fn draw(
         byte_count,
         etag: format!("\"{}-{}-{count}-{seed}{spread}-{extension}-{PIPELINE}\"", emitter.sha256, goniograms.sha256),
     };
-    // What a condition keeps from being sent needs no model.
+    // What has no body needs no model.
     let unmade = facts(0);
-    if matches!(ranges::wanted(&headers, &unmade.etag, 0), Wanted::Nothing | Wanted::Changed) {
-        return answer(&unmade, &method, &headers, async |_| Ok(Body::empty())).await;
+    let is_unsent = matches!(ranges::wanted(&headers, &unmade.etag, 0), Wanted::Nothing | Wanted::Changed);
+    if is_unsent || method == Method::HEAD {
+        return promise(&unmade, api.models.lengths.of(&unmade.etag), &headers);
     }
     let request = RayRequest { count, seed, low_discrepancy, target: format.target() };
     let drawing = api.models.draw(&access.tenant, &api.storage.blobs, &files, request).await?;
     let drawing = drawing.ok_or_else(Problem::busy)?;
-    answer(&facts(drawing.byte_count), &method, &headers, async |range| Ok(Body::from_stream(drawing.stream(range))))
-        .await
+    let made = facts(drawing.byte_count);
+    api.models.lengths.keep(&made.etag, made.byte_count);
+    answer(&made, &method, &headers, async |range| Ok(Body::from_stream(drawing.stream(range)))).await
 }
 
 /// The two files of the model of a job that was found.

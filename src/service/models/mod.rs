@@ -1,10 +1,14 @@
-//! Models of jobs, read back from their stored files and kept for the next request; the new rays that are drawn from them, evaluations, and
-//! combinations.
+//! Models of jobs, read back from their stored files and kept for the next request; the new rays that are drawn from them, evaluations,
+//! combinations, and what renderers open.
 
 /// Places, and tenants' shares of them.
 mod places;
 /// Models changed, and several as one.
 pub mod combination;
+/// Models as renderers open them.
+mod adapter;
+/// Lengths of what is made when it is asked for.
+pub mod lengths;
 
 use crate::jobs::query::StoredArtifact;
 use crate::priority::compute;
@@ -12,6 +16,7 @@ use crate::storage::blobs::Blobs;
 use bytes::Bytes;
 use futures::Stream;
 use futures::stream::poll_fn;
+use lengths::Lengths;
 use pipeline::{
     Artifact, Error, EvaluationForm, EvaluationRequest, Failed, Limits, NewRays, RayRequest, Stage, StoredModel, Watch,
 };
@@ -43,6 +48,8 @@ pub struct Models {
     /// Models that are being read: whoever wants one of them waits for it.
     reading: Arc<Mutex<Reading>>,
     places: Places,
+    /// Of new rays and of the files of renderers.
+    pub lengths: Lengths,
     /// The service stops: rays and evaluations end.
     stopping: CancellationToken,
 }
@@ -77,7 +84,13 @@ impl Drawing {
 impl Models {
     /// None are kept yet.
     pub fn new(stopping: CancellationToken) -> Models {
-        Models { kept: Arc::default(), reading: Arc::default(), places: Places::default(), stopping }
+        Models {
+            kept: Arc::default(),
+            reading: Arc::default(),
+            places: Places::default(),
+            lengths: Lengths::default(),
+            stopping,
+        }
     }
 
     /// Prepares new rays of the model in `files`; `None` where `tenant` has as many places as it may.

@@ -20,4 +20,10 @@ impl Problem {
         Problem::new(status, "combination.too_long", title, detail)
             .remedy("Combine fewer models, or use the command lampwright combine.")
     }
+    /// No files are made for this renderer.
+    pub fn no_renderer(name: &str) -> Problem {
+        let detail = format!("No files are made for {name:?}.");
+        Problem::new(StatusCode::NOT_FOUND, "adapter.not_found", "No such renderer", detail)
+            .remedy("Name one of blender, mitsuba, radiance.")
+    }
 }
