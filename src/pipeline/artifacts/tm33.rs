@@ -102,7 +102,7 @@ fn spectral(xml: &mut Xml, model: &Model) {
     xml.leaf("NumberWavelength", &[], &centers_nm.len().to_string());
     xml.leaf("Normalized", &[], "false");
     for (nm, value) in centers_nm.iter().zip(&total.spectral_flux_w_per_nm) {
-        xml.leaf("PwrData", &[("w", &plain(*nm, 6))], &rounded(*value, ARRAY_DIGITS).to_string());
+        xml.leaf("PwrData", &[("w", &plain(*nm, 6))], &short(*value));
     }
     xml.close();
     if !total.spectral_w_per_sr_nm.is_empty() && !leaves_out_spectra(model) {
@@ -136,14 +136,19 @@ fn intensities(xml: &mut Xml, grid: &SphereGrid, values: &[f64], wavelengths_nm:
         for (vertical, of_direction) in gamma.iter().zip(of_plane.chunks(bands)) {
             for (band, value) in of_direction.iter().enumerate() {
                 let angles = [("h", horizontal.as_str()), ("v", vertical.as_str())];
-                let number = plain(*value, places);
                 match nm.get(band) {
-                    Some(nm) => xml.leaf("IntData", &[angles[0], angles[1], ("w", nm)], &number),
-                    None => xml.leaf("IntData", &angles, &number),
+                    // Digits of its own: a weak band is as well known as a strong one.
+                    Some(nm) => xml.leaf("IntData", &[angles[0], angles[1], ("w", nm)], &short(*value)),
+                    None => xml.leaf("IntData", &angles, &plain(*value, places)),
                 }
             }
         }
     }
+}
+
+/// A number as an xs:float, which may have an exponent.
+fn short(value: f64) -> String {
+    if value == 0.0 { "0".to_owned() } else { format!("{:e}", rounded(value, ARRAY_DIGITS)) }
 }
 
 /// A flux as an xs:decimal, which has no exponent.
@@ -225,5 +230,6 @@ mod tests {
         assert_eq!(decimal(1.5e-9), "0.0000000015");
         assert_eq!(decimal(123_456.789_012), "123456.789");
         assert_eq!(decimal(0.0), "0");
+        assert_eq!([short(0.0), short(1.234_567_89e-9)], ["0", "1.23457e-9"]);
     }
 }
