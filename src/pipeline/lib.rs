@@ -65,7 +65,7 @@ pub use formats::spectrum_file::{MAX_BYTES as MAX_SPECTRUM_BYTES, SpectrumFile};
 pub use inspection::findings::{Check, Header, Inspection, Verdict};
 pub use known_sources::{SAMPLE, write_sample};
 pub use memory::MemoryNeed;
-pub use new_rays::{MOST_RAYS as MOST_NEW_RAYS, NewRays, Request as RayRequest};
+pub use new_rays::{MOST_RAYS as MOST_NEW_RAYS, NewRays, RayFile, Request as RayRequest};
 pub use options::{Emission, IesEdition, Options, Spectra};
 pub use rays::Input;
 pub use source::channels::Claims;

@@ -51,7 +51,9 @@ fn refusal(operation: &Operation, header: (&str, &str)) -> Option<(u16, &'static
         ("upload-complete" | "upload-incomplete" | "upload-part", _) if has_body => {
             Some((400, "request.header_not_honoured"))
         }
-        ("idempotency-key", _) if has_body && operation.id != "create_job" => Some((400, "idempotency.not_supported")),
+        ("idempotency-key", _) if has_body && !["create_job", "queue_evaluation"].contains(&operation.id.as_str()) => {
+            Some((400, "idempotency.not_supported"))
+        }
         ("if-match", tags) if tags != "*" && !is_tagged => Some((412, "request.precondition_failed")),
         ("if-none-match", "*") if changes => Some((412, "request.precondition_failed")),
         _ => None,

@@ -23,6 +23,7 @@ mod packed;
 mod rays;
 /// Evaluations of the models of jobs.
 mod evaluations;
+mod evaluation_jobs;
 /// Models of jobs combined.
 mod combinations;
 mod adapters;

@@ -73,8 +73,7 @@ pub fn evaluate<'a>(
     if numbers > request.most_numbers {
         let most = request.most_numbers;
         let found = format!("The answer would have {numbers} numbers; at most {most} are computed at once here.");
-        let remedy =
-            "Ask for fewer cells or one number a cell; the command lampwright evaluate computes up to 16777216.";
+        let remedy = "Ask for fewer cells or one number a cell; the command lampwright evaluate and a job (POST /v1/evaluations) compute up to 16777216.";
         return Err(Error::refused("evaluation.too_large", found, remedy));
     }
     let kept = light.vertices.len().max(light.volume.map_or(0, |volume| volume.nodes.len()));
@@ -83,7 +82,8 @@ pub fn evaluate<'a>(
             "The model has {kept} places with {} numbers each, too many to be kept while they are evaluated here.",
             emission.channels()
         );
-        let remedy = "Ask for one number a cell, or use the command lampwright evaluate.";
+        let remedy =
+            "Ask for one number a cell, or use the command lampwright evaluate or a job (POST /v1/evaluations).";
         return Err(Error::refused("evaluation.too_large", found, remedy));
     }
     watch.step(0.0)?;

@@ -161,6 +161,7 @@ fn routes() -> OpenApiRouter<Api> {
     // What only writes rows; what makes room is with the relief.
     let writes = OpenApiRouter::new()
         .routes(needs(JobsWrite, routes!(submission::create)))
+        .routes(needs(JobsWrite, routes!(evaluations::queue)))
         .routes(needs(WebhooksWrite, routes!(webhooks::create)))
         .routes(needs(WebhooksWrite, routes!(webhooks::change)))
         .routes(needs(WebhooksWrite, routes!(webhooks::rotate)))

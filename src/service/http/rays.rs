@@ -83,7 +83,7 @@ impl RaysQuery {
 ///
 /// A ray file with as many rays as are asked for, all of the same flux, made while it is sent: ray i depends on the seed and on i alone, so a
 /// range of bytes is the same whoever asks for it when, and a download can be resumed. The entity tag names model, count, seed, how rays are spread,
-/// format and the computation. HEAD reads no model: it tells the length of a file that this process has begun to send before.
+/// format and the computation. HEAD reads the model once only: what is needed for lengths is kept.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/rays", tag = "artifacts", operation_id = "draw_rays",
     params(
@@ -127,18 +127,21 @@ pub async fn draw(
         byte_count,
         etag: format!("\"{}-{}-{count}-{seed}{spread}-{extension}-{PIPELINE}\"", emitter.sha256, goniograms.sha256),
     };
-    // What has no body needs no model.
+    // What a condition keeps from being sent needs no model, nor does a length that an earlier request has told.
     let unmade = facts(0);
-    let is_unsent = matches!(ranges::wanted(&headers, &unmade.etag, 0), Wanted::Nothing | Wanted::Changed);
-    if is_unsent || method == Method::HEAD {
-        return promise(&unmade, api.models.lengths.of(&unmade.etag), &headers);
+    if matches!(ranges::wanted(&headers, &unmade.etag, 0), Wanted::Nothing | Wanted::Changed) {
+        return promise(&unmade, None, &headers);
     }
     let request = RayRequest { count, seed, low_discrepancy, target: format.target() };
+    if method == Method::HEAD
+        && let Some(byte_count) = api.models.ray_bytes(&files, request)?
+    {
+        return promise(&unmade, Some(byte_count), &headers);
+    }
     let drawing = api.models.draw(&access.tenant, &api.storage.blobs, &files, request).await?;
     let drawing = drawing.ok_or_else(Problem::busy)?;
-    let made = facts(drawing.byte_count);
-    api.models.lengths.keep(&made.etag, made.byte_count);
-    answer(&made, &method, &headers, async |range| Ok(Body::from_stream(drawing.stream(range)))).await
+    answer(&facts(drawing.byte_count), &method, &headers, async |range| Ok(Body::from_stream(drawing.stream(range))))
+        .await
 }
 
 /// The two files of the model of a job that was found.

@@ -9,7 +9,7 @@ impl Problem {
         let (status, title) = (StatusCode::UNPROCESSABLE_ENTITY, "The evaluation takes too long");
         let detail = "The evaluation was not done after 20 s, which is as long as an answer may take.";
         Problem::new(status, "evaluation.too_long", title, detail).remedy(
-            "Ask for fewer cells, fewer samples or a larger tolerance, or evaluate the model with the command lampwright evaluate.",
+            "Ask for fewer cells, fewer samples or a larger tolerance, or for a job (POST /v1/evaluations); or use the command lampwright evaluate.",
         )
     }
 
