@@ -50,6 +50,7 @@ pub mod adapters;
 /// What a run needs of the machine.
 pub mod memory;
 
+pub use adapters::{Adapted, Renderer, adapt};
 pub use artifacts::read::{FILES as MODEL_FILES, StoredModel, check_size as check_model_size, read as read_model};
 pub use combination::{Change, Component, MOST_MODELS, Strength, Turn};
 pub use convert::{Failed, Target};
@@ -66,7 +67,7 @@ pub use inspection::drawings::NAMES as DRAWINGS;
 pub use inspection::findings::{Check, Header, Inspection, Verdict};
 pub use known_sources::{SAMPLE, write_sample};
 pub use memory::MemoryNeed;
-pub use new_rays::{MOST_RAYS as MOST_NEW_RAYS, NewRays, Request as RayRequest};
+pub use new_rays::{MOST_RAYS as MOST_NEW_RAYS, NewRays, RayFile, Request as RayRequest};
 pub use options::{Emission, IesEdition, Options, Spectra};
 pub use rays::Input;
 pub use source::channels::Claims;

@@ -18,7 +18,8 @@ fn the_committed_contract_is_the_generated_one() {
 }
 
 /// Every operation of the contract, by name.
-const OPERATIONS: [&str; 41] = [
+const OPERATIONS: [&str; 43] = [
+    "adapt_model",
     "append_to_upload",
     "cancel_job",
     "change_webhook",
@@ -53,6 +54,7 @@ const OPERATIONS: [&str; 41] = [
     "list_webhooks",
     "metrics",
     "ping_webhook",
+    "queue_evaluation",
     "ready",
     "redeliver",
     "rotate_webhook_secret",

@@ -14,7 +14,8 @@ use support::runners::prompt;
 use support::site::{Reply, Site};
 
 /// Things whose entity tags their own handlers judge.
-const TAGGED: [&str; 5] = ["get_artifact", "get_zip", "draw_rays", "get_origins_drawing", "get_far_field_drawing"];
+const TAGGED: [&str; 6] =
+    ["adapt_model", "get_artifact", "get_zip", "draw_rays", "get_origins_drawing", "get_far_field_drawing"];
 
 /// Sends an operation with one more header.
 async fn with(site: &Site, things: &Things, operation: &Operation, key: &str, header: (&str, &str)) -> Reply {
@@ -50,7 +51,9 @@ fn refusal(operation: &Operation, header: (&str, &str)) -> Option<(u16, &'static
         ("upload-complete" | "upload-incomplete" | "upload-part", _) if has_body => {
             Some((400, "request.header_not_honoured"))
         }
-        ("idempotency-key", _) if has_body && operation.id != "create_job" => Some((400, "idempotency.not_supported")),
+        ("idempotency-key", _) if has_body && !["create_job", "queue_evaluation"].contains(&operation.id.as_str()) => {
+            Some((400, "idempotency.not_supported"))
+        }
         ("if-match", tags) if tags != "*" && !is_tagged => Some((412, "request.precondition_failed")),
         ("if-none-match", "*") if changes => Some((412, "request.precondition_failed")),
         _ => None,

@@ -23,8 +23,10 @@ mod packed;
 mod rays;
 /// Evaluations of the models of jobs.
 mod evaluations;
+mod evaluation_jobs;
 /// Models of jobs combined.
 mod combinations;
+mod adapters;
 /// Keys, tenants, quotas and rates.
 mod access;
 /// What connections may ask of the process.

@@ -119,6 +119,15 @@ async fn endless_rays_take_a_place_until_their_client_leaves() {
         assert!(!body.next().await.unwrap().unwrap().is_empty());
         open.push(body);
     }
+    // Lengths are known from the first of them on, without a model and so without a place; a range is that of a GET.
+    for headers in [&[][..], &[("range", "bytes=0-9")]] {
+        let head = site.ask(Method::HEAD, &format!("{rays}?count=1000&seed=3"), headers, Body::empty()).await;
+        let length = expected(1000, 3, Target::Tm25).len().to_string();
+        assert_eq!((head.status, head.header("content-length")), (StatusCode::OK, length.as_str()));
+        assert_eq!((head.header("accept-ranges"), head.header("content-type")), ("bytes", "application/octet-stream"));
+    }
+    let zemax = format!("{rays}?count=5000000000&format=zemax");
+    assert_eq!(site.ask(Method::HEAD, &zemax, &[], Body::empty()).await.status, StatusCode::UNPROCESSABLE_ENTITY);
     let full = site.get(&format!("{rays}?count=1")).await;
     full.is_problem(503, "service.busy");
     assert_eq!(full.header("retry-after"), "1");

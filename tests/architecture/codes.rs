@@ -43,13 +43,16 @@ const CALM: &str = "ok";
 const CODED: [(&str, Kind); 3] = [("Flaw", Kind::Notice), ("Error", Kind::Job), ("Unusable", Kind::Failed)];
 
 /// What looks like a code and is none: the whole string, its beginning or its end (`*` is the rest), and what it is.
-const NOT_CODES: [(&str, &str); 30] = [
+const NOT_CODES: [(&str, &str); 33] = [
     ("*.glb", "a file"),
     ("*.json", "a file"),
     ("*.csv", "a file"),
     ("*.svg", "a file"),
     ("*.zip", "a file"),
     ("*.npz", "a file"),
+    ("*.xml", "a file"),
+    ("*.gldf", "a file"),
+    ("*.obj", "a file"),
     ("*.ply", "a file"),
     ("*.py", "a file"),
     ("*.rad", "a file"),

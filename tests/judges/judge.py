@@ -11,6 +11,7 @@ from photompy import total_optical_power
 
 import radiance
 from eulumdat_files import judge_ldt
+from luminaire_files import judge_gldf, judge_tm33
 from result import SCHEMAS, Grid, Result, Volume, read_json
 
 FLUX_TOLERANCE = 0.005  # of foreign programs' lumens
@@ -252,7 +253,7 @@ def main(folders):
     for folder in folders:
         print(folder)
         result = Result(folder)
-        for judge in (judge_schemas, judge_sums, judge_ies, judge_ldt, judge_light, judge_model, judge_volume):
+        for judge in (judge_schemas, judge_sums, judge_ies, judge_ldt, judge_tm33, judge_gldf, judge_light, judge_model, judge_volume):
             judge(result, verdict)
     print(f"{verdict.checked} checks, {verdict.failed} failed")
     return 1 if verdict.failed or verdict.checked == 0 else 0

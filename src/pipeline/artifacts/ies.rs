@@ -104,7 +104,7 @@ impl Sheet<'_> {
                 &format!("nadir=source {} C0=source {} C90=source {c90}", frame.nadir.name(), frame.c0.name()),
             ),
             keyword("OTHER", &format!("flux lm={own_flux} by node-centred cells")),
-            keyword("_RAYS", &text(self.part.goniogram.rays, 9)),
+            keyword("_RAYS", &text(self.part.rays, 9)),
         ]
     }
 }

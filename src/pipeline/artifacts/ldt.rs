@@ -34,10 +34,16 @@ pub fn zone_name(zone: &Zone) -> String {
 
 /// A file beside each IES file.
 pub fn artifacts(model: &Model) -> Vec<Artifact> {
-    parts(model).iter().map(|part| artifact(model, part)).collect()
+    let file = |part: &Part<'_>| Artifact {
+        name: format!("{}.ldt", part.stem),
+        media_type: "application/x-eulumdat",
+        bytes: text_of(model, part),
+    };
+    parts(model).iter().map(file).collect()
 }
 
-fn artifact(model: &Model, part: &Part<'_>) -> Artifact {
+/// The bytes of a part's file.
+pub(super) fn text_of(model: &Model, part: &Part<'_>) -> Vec<u8> {
     let (grid, candela) = thinned(&model.goniograms.grid, part.candela);
     let lumens = flux_of_nodes(part.candela, &model.goniograms.grid);
     let mut lines = head(model, part, &grid, lumens);
@@ -49,8 +55,7 @@ fn artifact(model: &Model, part: &Part<'_>) -> Artifact {
     lines.extend(per_klm.iter().map(|value| format!("{value:.decimals$}")));
     lines.push(String::new());
     // What is not in Latin-1 was taken out of the lines.
-    let bytes = lines.join("\r\n").chars().map(|letter| letter as u8).collect();
-    Artifact { name: format!("{}.ldt", part.stem), media_type: "application/x-eulumdat", bytes }
+    lines.join("\r\n").chars().map(|letter| letter as u8).collect()
 }
 
 /// What stands before the angles, in the format's order.

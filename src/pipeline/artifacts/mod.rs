@@ -1,6 +1,8 @@
 //! 6. Results to files: a name, a media type, bytes. No file holds a time of making: same input, options and version give the
 //! same bytes.
 
+/// Files as one.
+mod archive;
 /// What every artifact says of where it came from.
 mod provenance;
 /// What several artifacts say alike.
@@ -17,6 +19,10 @@ mod photometry;
 pub mod ies;
 /// `ies/*.ldt`: the same as EULUMDAT.
 pub mod ldt;
+/// `total.tm33.xml`: the far field with W and spectra.
+pub mod tm33;
+/// `source.gldf`: the surface and its zones for lighting programs.
+pub mod gldf;
 /// `spectra.csv`.
 pub mod spectra_csv;
 /// Choice of the surface and proof of the model, in the report.
@@ -33,6 +39,8 @@ mod fixture;
 /// The drawings of a model, `plots/*.svg`.
 pub mod plots;
 
+pub use archive::zip;
+
 use crate::error::Error;
 use crate::inspection::findings::Inspection;
 use crate::model::Model;
@@ -40,9 +48,6 @@ use crate::options::Options as RunOptions;
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::watch::StageWatch;
 use crate::writing::{Artifact, schema};
-use std::io::{Cursor, Write as _};
-use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, DateTime, ZipWriter};
 
 /// All files of a model, in the order of the zip: the page that explains the others first.
 ///
@@ -55,6 +60,8 @@ pub fn write(model: &Model, options: &RunOptions, watch: StageWatch<'_>) -> Resu
     watch.step(0.5)?;
     artifacts.extend(ies::artifacts(model, options));
     artifacts.extend(ldt::artifacts(model));
+    artifacts.extend(tm33::artifact(model));
+    artifacts.extend(gldf::artifact(model)?);
     artifacts.extend(spectra_csv::artifact(model));
     watch.step(0.6)?;
     artifacts.extend(plots::polar::artifacts(model));
@@ -80,12 +87,18 @@ pub fn notices(model: &Model) -> Notices {
     if !model.is_visible() {
         notices.add(
             "artifacts.no_ies",
-            "No IES and EULUMDAT files: the luminous intensity is unknown or 0, and these formats have no radiant unit. Give the source a spectrum.",
+            "No IES, EULUMDAT and GLDF files: the luminous intensity is unknown or 0, and these formats have no radiant unit. Give the source a spectrum.",
         );
     }
     if !model.spectral.has_bands() {
         notices
             .add("artifacts.no_spectra", "No vertex spectra and no spectra.csv: the spectrum of the rays is unknown.");
+    }
+    if tm33::leaves_out_spectra(model) {
+        notices.add(
+            "artifacts.no_angular_spectrum",
+            "total.tm33.xml has the spectrum of the whole source, not that of each direction, which would be more than 200 000 numbers. goniograms.json has both.",
+        );
     }
     notices
 }
@@ -100,31 +113,14 @@ pub fn schemas() -> Vec<(&'static str, serde_json::Value)> {
     ]
 }
 
-/// The one zip of everything: files in order, deflated, dated 1980-01-01.
-///
-/// # Errors
-/// [`Error::Internal`] when the archive cannot be written.
-pub fn zip(artifacts: &[Artifact]) -> Result<Vec<u8>, Error> {
-    let options = SimpleFileOptions::default()
-        .compression_method(CompressionMethod::Deflated)
-        .last_modified_time(DateTime::DEFAULT)
-        .unix_permissions(0o644);
-    let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
-    for artifact in artifacts {
-        let options = options.large_file(u32::try_from(artifact.bytes.len()).is_err());
-        archive.start_file(artifact.name.as_str(), options).map_err(crate::writing::json::unwritten)?;
-        archive.write_all(&artifact.bytes).map_err(crate::writing::json::unwritten)?;
-    }
-    Ok(archive.finish().map_err(crate::writing::json::unwritten)?.into_inner())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::source::Columns;
     use crate::vocabulary::watch::{NoProgress, Stage, Watch};
+    use ::zip::DateTime;
     use serde_json::Value;
-    use std::io::Read as _;
+    use std::io::{Cursor, Read as _};
 
     const GONIOGRAMS: &str = include_str!("../../../openapi/goniograms.schema.json");
     const REPORT: &str = include_str!("../../../openapi/report.schema.json");
@@ -222,6 +218,8 @@ mod tests {
             "ies/total.ldt",
             "ies/zone_00_00.ldt",
             "ies/zone_00_01.ldt",
+            "total.tm33.xml",
+            "source.gldf",
             "spectra.csv",
             "plots/polar_total.svg",
             "plots/polar_zone_00_00.svg",
@@ -234,7 +232,9 @@ mod tests {
         assert_eq!(names(&all), expected);
         assert_eq!(json_of(&all, report::NAME)["notices"].as_array().unwrap().len(), 0);
         let radiant = written(&radiant_only());
-        assert!(names(&radiant).iter().all(|name| !name.starts_with("ies/") && *name != "spectra.csv"));
+        assert!(names(&radiant).iter().all(|name| {
+            !name.starts_with("ies/") && !["spectra.csv", "total.tm33.xml", "source.gldf"].contains(name)
+        }));
         let report = json_of(&radiant, report::NAME);
         let codes: Vec<&str> =
             report["notices"].as_array().unwrap().iter().map(|notice| notice["code"].as_str().unwrap()).collect();

@@ -1,4 +1,4 @@
-//! What the files of photometry (IES, EULUMDAT) say alike: which goniograms have such files, their date, sizes and decimals.
+//! What the files of photometry (IES, EULUMDAT, TM-33, GLDF) say alike: which goniograms have such files, their date, sizes and decimals.
 
 use super::provenance::VERSION_DATE;
 use crate::goniogram::{Goniogram, SphereGrid};
@@ -14,8 +14,8 @@ pub(super) struct Part<'a> {
     pub(super) stem: String,
     /// What it is, in words: "whole source", "zone 1 of 4".
     pub(super) words: String,
-    /// The goniogram.
-    pub(super) goniogram: &'a Goniogram,
+    /// Rays in it.
+    pub(super) rays: f64,
     /// Its luminous intensities, cd, `[c][gamma]`.
     pub(super) candela: &'a [f64],
     /// The box of what sends it, source frame, mm.
@@ -47,19 +47,40 @@ fn part<'a>(
     bounds_mm: Bounds,
 ) -> Option<Part<'a>> {
     let candela = goniogram.luminous_cd.as_deref().filter(|_| model.is_visible())?;
-    Some(Part { stem: format!("ies/{stem}"), words, goniogram, candela, bounds_mm })
+    Some(Part { stem: format!("ies/{stem}"), words, rays: goniogram.rays, candela, bounds_mm })
 }
 
 /// The ray file's own date (TM-25 writes ISO 8601), else this version's.
 pub(super) fn issue_date(created: Option<&str>) -> String {
     let Some(created) = created else { return VERSION_DATE.to_owned() };
+    iso_day(created).unwrap_or_else(|| created.chars().take(40).collect())
+}
+
+/// The same where nothing but a day of the calendar (xs:date) will do: a day that the file writes in another way is not guessed.
+pub(super) fn issue_day(created: Option<&str>) -> String {
+    let is_of_calendar = |day: &String| {
+        let number = |from: usize, to: usize| day.get(from..to).and_then(|digits| digits.parse::<u32>().ok());
+        let [year, month, date] = [number(0, 4), number(5, 7), number(8, 10)].map(Option::unwrap_or_default);
+        let most = match month {
+            4 | 6 | 9 | 11 => 30,
+            2 if year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400)) => 29,
+            2 => 28,
+            _ => 31,
+        };
+        year > 0 && (1..=12).contains(&month) && (1..=most).contains(&date)
+    };
+    created.and_then(iso_day).filter(is_of_calendar).unwrap_or_else(|| VERSION_DATE.to_owned())
+}
+
+/// The day that a date by ISO 8601 begins with.
+fn iso_day(created: &str) -> Option<String> {
     let day: String = created.chars().take(10).collect();
     let is_iso = day.len() == 10
         && day.bytes().enumerate().all(|(at, byte)| match at {
             4 | 7 => byte == b'-',
             _ => byte.is_ascii_digit(),
         });
-    if is_iso { day } else { created.chars().take(40).collect() }
+    is_iso.then_some(day)
 }
 
 /// Sides of a box along C0, along C90 and along γ = 0, mm.
@@ -88,5 +109,11 @@ mod tests {
         assert_eq!(issue_date(None), VERSION_DATE);
         assert_eq!(issue_date(Some("2016-10-13T10:00:00+02:00")), "2016-10-13");
         assert_eq!(issue_date(Some("13 Oct 2016")), "13 Oct 2016");
+        assert_eq!(issue_day(Some("2016-02-29T10:00:00Z")), "2016-02-29");
+        for no_day in
+            ["13 Oct 2016", "2015-02-29", "1900-02-29", "2016-13-01", "2016-04-31", "0000-01-01", "2016-01-00"]
+        {
+            assert_eq!(issue_day(Some(no_day)), VERSION_DATE, "{no_day}");
+        }
     }
 }

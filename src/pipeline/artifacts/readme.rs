@@ -11,7 +11,7 @@ use crate::writing::number::{sum, text};
 use glam::{DMat3, DQuat, DVec3};
 
 /// What each file is, by the beginning of its name.
-const MEANINGS: [(&str, &str); 10] = [
+const MEANINGS: [(&str, &str); 12] = [
     (
         "emitter.glb",
         "the surface, and the volume where there is one: glTF 2.0 binary, metres, Y up; flux, spectra and zones of every vertex",
@@ -21,6 +21,8 @@ const MEANINGS: [(&str, &str); 10] = [
         "ies/",
         "the same luminous intensities as IES LM-63 and EULUMDAT: of the whole, and of each zone, of many zones the brightest",
     ),
+    ("total.tm33.xml", "the whole source by ANSI/IES TM-33-23: luminous, radiant and spectral intensities"),
+    ("source.gldf", "for DIALux and Relux: the surface as a body (L3D), its zones as light-emitting objects"),
     ("spectra.csv", "spectral flux of the whole source and of each zone, W/nm"),
     ("plots/polar", "polar curves"),
     ("plots/zones", "where the zones lie"),

@@ -101,7 +101,7 @@ fn fewer(most: usize) -> String {
     if most >= MOST_NUMBERS {
         return less.to_owned();
     }
-    format!("{less} The command lampwright evaluate computes up to {MOST_NUMBERS}.")
+    format!("{less} The command lampwright evaluate and a job (POST /v1/evaluations) compute up to {MOST_NUMBERS}.")
 }
 
 /// The numbers of all cells.

@@ -67,26 +67,46 @@ impl Rows {
     }
 }
 
-/// What the file says of its rays.
-pub struct Told<'a> {
+/// What files of new rays of a model say of them: it tells how long they are, without the model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RayFile {
     /// What the source is called.
-    pub name: &'a str,
-    /// What was asked for.
-    pub request: Request,
+    pub(super) name: String,
     /// W and lm of all rays.
-    pub flux: Flux,
+    pub(super) flux: Flux,
     /// The bands that wavelengths are drawn of.
-    pub bands: Option<&'a Bands>,
+    pub(super) bands: Option<Bands>,
     /// Rays have a tristimulus colour.
-    pub has_color: bool,
+    pub(super) has_color: bool,
 }
 
-impl Told<'_> {
-    /// The bytes, and the layout of the rays that follow them.
+impl RayFile {
+    /// Bytes of the whole file.
     ///
     /// # Errors
     /// [`Error::Refused`] where the format cannot hold the rays.
-    pub fn write(&self) -> Result<(Vec<u8>, Rows), Error> {
+    pub fn byte_count(&self, request: Request) -> Result<u64, Error> {
+        let (head, rows) = self.write(request)?;
+        Ok(head.len() as u64 + request.count * rows.row_bytes() as u64 + rows.end().len() as u64)
+    }
+
+    /// What stands before the rays, and the layout of the rays that follow.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] where the format cannot hold the rays.
+    pub(super) fn write(&self, request: Request) -> Result<(Vec<u8>, Rows), Error> {
+        Told { file: self, request }.write()
+    }
+}
+
+/// The same of so many rays.
+struct Told<'a> {
+    file: &'a RayFile,
+    request: Request,
+}
+
+impl Told<'_> {
+    fn write(&self) -> Result<(Vec<u8>, Rows), Error> {
         let mut head = Vec::new();
         let rows = match self.request.target {
             Target::Tm25 => Rows::Tm25(Writer::<tm25::writer::Rows>::start(&mut head, &self.preamble())?.rows()),
@@ -100,26 +120,26 @@ impl Told<'_> {
 
     /// A wavelength per ray goes with W alone: lm follow from it.
     fn preamble(&self) -> Preamble {
-        let has_bands = self.bands.is_some();
+        let has_bands = self.file.bands.is_some();
         let edge = |edge: Option<&f64>| edge.copied();
-        let edges_nm = self.bands.map(Bands::edges_nm).unwrap_or_default();
+        let edges_nm = self.file.bands.as_ref().map(Bands::edges_nm).unwrap_or_default();
         let mut texts: [String; 9] = Default::default();
-        texts[0] = self.name.to_owned();
+        texts[0] = self.file.name.clone();
         texts[4] = format!("lampwright {}", env!("CARGO_PKG_VERSION"));
         let Request { seed, low_discrepancy, .. } = self.request;
         let spread = if low_discrepancy { format!(", {LOW_DISCREPANCY}") } else { String::new() };
         texts[7] = format!("New rays drawn from a model of the source{spread}. Seed {seed}.");
         let header = Header {
-            luminous_lm: self.flux.luminous_lm,
-            radiant_w: self.flux.radiant_w,
+            luminous_lm: self.file.flux.luminous_lm,
+            radiant_w: self.file.flux.radiant_w,
             ray_count: self.request.count,
             spectral_id: if has_bands { SpectralId::PerRay } else { SpectralId::None },
             range_nm: [edge(edges_nm.first()), edge(edges_nm.last())],
             flags: Flags {
-                radiant: self.flux.radiant_w.is_some(),
+                radiant: self.file.flux.radiant_w.is_some(),
                 wavelength: has_bands,
-                luminous: self.flux.luminous_lm.is_some() && !has_bands,
-                tristimulus: self.has_color,
+                luminous: self.file.flux.luminous_lm.is_some() && !has_bands,
+                tristimulus: self.file.has_color,
                 ..Flags::default()
             },
             texts,
@@ -129,19 +149,19 @@ impl Told<'_> {
     }
 
     fn lighttools(&self) -> lighttools::Header {
-        let color = match (self.has_color, self.bands) {
+        let color = match (self.file.has_color, &self.file.bands) {
             (true, _) => lighttools::Color::Tristimulus,
             (false, Some(_)) => lighttools::Color::Wavelength,
             (false, None) => lighttools::Color::None,
         };
-        let luminous = self.has_color || self.flux.radiant_w.is_none();
-        let flux = if luminous { self.flux.luminous_lm } else { self.flux.radiant_w };
+        let luminous = self.file.has_color || self.file.flux.radiant_w.is_none();
+        let flux = if luminous { self.file.flux.luminous_lm } else { self.file.flux.radiant_w };
         let rows = lighttools::Rows { luminous, color };
         lighttools::Header { ray_count: self.request.count, flux: flux.unwrap_or(0.0), rows }
     }
 
     fn zemax(&self) -> Result<zemax::Header, Error> {
-        if self.has_color {
+        if self.file.has_color {
             let found = "Each ray has a tristimulus colour, which a Zemax file cannot hold.";
             return Err(Error::refused("zemax.color_per_ray", found, "Write TM-25, which holds it."));
         }
@@ -150,13 +170,13 @@ impl Told<'_> {
             let found = format!("A Zemax file holds at most {} rays; these are {count}.", u32::MAX);
             Error::refused("zemax.too_many_rays", found, "Write TM-25, or ask for fewer rays.")
         })?;
-        let rows = match (self.bands, self.flux.radiant_w) {
+        let rows = match (&self.file.bands, self.file.flux.radiant_w) {
             (Some(_), _) => zemax::Rows::Spectral,
             (None, Some(_)) => zemax::Rows::Radiant,
             (None, None) => zemax::Rows::Luminous,
         };
-        let flux = if rows == zemax::Rows::Luminous { self.flux.luminous_lm } else { self.flux.radiant_w };
-        let description = self.name.to_owned();
+        let flux = if rows == zemax::Rows::Luminous { self.file.flux.luminous_lm } else { self.file.flux.radiant_w };
+        let description = self.file.name.clone();
         Ok(zemax::Header { ray_count, description, flux: flux.unwrap_or(0.0), wavelength_nm: None, rows })
     }
 }

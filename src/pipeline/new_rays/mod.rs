@@ -8,7 +8,7 @@
 /// What stands before the rays.
 mod head;
 
-pub use head::Request;
+pub use head::{RayFile, Request};
 
 use crate::convert::Failed;
 use crate::error::Error;
@@ -44,8 +44,8 @@ pub struct NewRays<'a> {
     /// Where the rays are of low discrepancy, their numbers.
     sequence: Option<Sequence>,
     wavelengths: Option<Wavelengths<'a>>,
-    /// W and lm of all rays.
-    flux: Flux,
+    /// What the file says of its rays.
+    file: RayFile,
     /// W of each ray, 0 where they are unknown.
     radiant: f64,
     /// What rays carry besides, by their places; empty where they carry nothing else.
@@ -72,14 +72,13 @@ impl<'a> NewRays<'a> {
         let evaluator = Evaluator::of_primary(light).ok_or_else(dark)?;
         let sampler = Sampler::new(&evaluator).ok_or_else(dark)?;
         let wavelengths = Wavelengths::new(&evaluator);
-        let told = head::Told {
-            name,
-            request,
+        let file = RayFile {
+            name: name.to_owned(),
             flux,
-            bands: wavelengths.is_some().then(|| &evaluator.light().spectral.bands),
+            bands: wavelengths.is_some().then(|| evaluator.light().spectral.bands.clone()),
             has_color: evaluator.light().spectral.columns == Columns::Tristimulus,
         };
-        let (head, rows) = told.write()?;
+        let (head, rows) = file.write(request)?;
         let count = request.count as f64;
         let radiant = flux.radiant_w.map_or(0.0, |radiant_w| radiant_w / count);
         // Of W and wavelengths nothing of a place is written.
@@ -89,12 +88,17 @@ impl<'a> NewRays<'a> {
             Carried::of(evaluator.light(), flux, count)
         };
         let sequence = request.low_discrepancy.then(|| Sequence::new(request.seed));
-        Ok(NewRays { request, evaluator, sampler, sequence, wavelengths, flux, radiant, carried, head, rows })
+        Ok(NewRays { request, evaluator, sampler, sequence, wavelengths, file, radiant, carried, head, rows })
     }
 
     /// W and lm of all rays together, each where the model knows it.
     pub fn flux(&self) -> Flux {
-        self.flux
+        self.file.flux
+    }
+
+    /// What files of other counts and seeds say too.
+    pub fn file(&self) -> &RayFile {
+        &self.file
     }
 
     /// Bytes of the whole file.

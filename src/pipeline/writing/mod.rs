@@ -1,4 +1,4 @@
-//! How a file is written: numbers, JSON, drawings.
+//! How a file is written: numbers, JSON, XML, drawings.
 
 /// JSON that people can read too.
 pub mod json;
@@ -12,6 +12,8 @@ pub mod schema;
 pub mod raster;
 /// Values to colours.
 pub mod scale;
+/// XML: elements, attributes, text.
+pub mod xml;
 /// `plots/*.svg`.
 pub mod svg;
 

@@ -1,6 +1,7 @@
 //! Drawings, written by hand: a drawing is a list of shapes, and a plotting library would decide its looks for us.
 
 use super::Artifact;
+use super::xml::escaped;
 use std::fmt::Write as _;
 
 /// Text colour.
@@ -91,22 +92,6 @@ pub fn one_line(text: &str, most: usize) -> String {
     } else {
         words.chars().take(most.saturating_sub(1)).chain(['…']).collect()
     }
-}
-
-/// Text between XML tags.
-fn escaped(text: &str) -> String {
-    let mut escaped = String::with_capacity(text.len());
-    for letter in text.chars() {
-        match letter {
-            '&' => escaped.push_str("&amp;"),
-            '<' => escaped.push_str("&lt;"),
-            '>' => escaped.push_str("&gt;"),
-            // XML 1.0 has no way to write the others.
-            letter if letter.is_control() || matches!(letter, '\u{fffe}' | '\u{ffff}') => escaped.push(' '),
-            letter => escaped.push(letter),
-        }
-    }
-    escaped
 }
 
 /// The largest of 1, 2, 2.5, 5 times a power of ten that gives at least `least` steps up to `max`.

@@ -9,11 +9,13 @@ use crate::accounts::access::Access;
 use crate::jobs::query::StoredArtifact;
 use crate::jobs::{ZIP, query};
 use axum::Json;
-use axum::body::Body;
+use axum::body::{Body, Bytes};
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use futures::stream;
 use serde::Serialize;
+use std::io;
 use std::ops::Range;
 use utoipa::ToSchema;
 
@@ -191,6 +193,27 @@ pub async fn answer(
     };
     let mut response = (status, body).into_response();
     describe(response.headers_mut(), file, media_type(headers, &file.media_type), status, &range);
+    Ok(response)
+}
+
+/// Answers what has no body (HEAD, or a condition that keeps the file from being sent) for a file that is made when it is asked for, without
+/// making it: `byte_count` is left out where only that would tell it (RFC 9110, section 9.3.2), and a range is that of a GET (14.2).
+///
+/// # Errors
+/// `If-Match` is false.
+pub fn promise(file: &FileFacts, byte_count: Option<u64>, headers: &HeaderMap) -> Result<Response, Problem> {
+    let status = match wanted(headers, &file.etag, 0) {
+        Wanted::Nothing => StatusCode::NOT_MODIFIED,
+        Wanted::Changed => return Err(Problem::changed(&file.etag)),
+        Wanted::Whole | Wanted::Part(_) | Wanted::Unsatisfiable => StatusCode::OK,
+    };
+    // A body whose length nobody knows, so that none is told.
+    let mut response = (status, Body::from_stream(stream::empty::<io::Result<Bytes>>())).into_response();
+    let range = 0..byte_count.unwrap_or_default();
+    describe(response.headers_mut(), file, media_type(headers, &file.media_type), status, &range);
+    if byte_count.is_none() {
+        response.headers_mut().remove(header::CONTENT_LENGTH);
+    }
     Ok(response)
 }
 

@@ -2,13 +2,13 @@
 
 use super::api::Api;
 use super::artifacts::disposition;
-use super::evaluations::NumberTriple;
 use super::extract::Body;
 use super::job::find;
 use super::problem::Problem;
 use super::rays::model_files;
 use super::upload_request::MAX_NAME_CHARS;
 use crate::accounts::access::Access;
+use crate::jobs::evaluation::NumberTriple;
 use crate::jobs::request::{SpectrumChoice, TotalFlux};
 use crate::models::combination::{Made, Wanted};
 use crate::spectra;

@@ -3,258 +3,29 @@
 use super::api::Api;
 use super::artifacts::disposition;
 use super::extract::{Body, Path};
-use super::job::find;
+use super::job::{Job, find};
 use super::problem::Problem;
 use super::rays::model_files;
+use super::submission::{answer, key, timeout_in_range};
 use crate::accounts::access::Access;
-use crate::jobs::request::NumberPair;
+use crate::jobs::estimate::plan_evaluation;
+use crate::jobs::evaluation::{JobEvaluation, NewEvaluation, NewEvaluationJob};
+use crate::jobs::request::NewJob;
+use crate::jobs::submit::Keyed;
 use crate::models::Evaluated;
 use axum::extract::State;
-use axum::http::header;
+use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
-use pipeline::{
-    Camera, Error, EvaluationForm, EvaluationRequest, LightKind, Place, Plane, TOLERANCE, Vector, View, Width,
-};
-use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
 
 /// Most numbers of an answer: cells times channels.
 const MOST_NUMBERS: usize = 1 << 18;
 /// Most numbers of a model that are kept while it is evaluated, vertices or nodes times channels.
 const MOST_KEPT: usize = 1 << 21;
 
-/// What is asked of a model.
-#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct NewEvaluation {
-    /// What is looked at.
-    pub view: EvaluationView,
-    /// Which light. Default: luminous where the model knows it, else radiant.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub light: Option<LightName>,
-    /// Error of an irradiance that is aimed at, as a part of its value. Default: 0.001.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(minimum = 0.000_001, maximum = 0.1)]
-    pub tolerance: Option<f64>,
-    /// Form of the answer. Default: json.
-    #[serde(default)]
-    #[schema(nullable)]
-    pub format: EvaluationFormat,
-}
-
-/// What is looked at. Lengths are in mm, directions are vectors in the source frame.
-#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum EvaluationView {
-    /// Intensity on a grid of C and gamma.
-    Grid(DirectionGrid),
-    /// Intensity in directions of the source frame, of any length but 0.
-    #[schema(value_type = Vec<NumberTriple>)]
-    Directions(Vec<[f64; 3]>),
-    /// Intensity at pairs of C and gamma, degrees.
-    #[schema(value_type = Vec<NumberPair>)]
-    Angles(Vec<[f64; 2]>),
-    /// Irradiance or illuminance on a rectangle.
-    Plane(PlaneView),
-    /// Radiance or luminance as a camera sees it.
-    Camera(CameraView),
-}
-
-/// Three numbers.
-#[derive(ToSchema)]
-#[schema(min_items = 3, max_items = 3)]
-pub struct NumberTriple(#[expect(dead_code, reason = "a schema, never a value")] Vec<f64>);
-
-/// A grid of the photometric frame, from C = 0 and gamma = 0 on.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct DirectionGrid {
-    /// Step of C, degrees; divides 360. Default: 15.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub c_step_deg: Option<f64>,
-    /// Step of gamma, degrees; divides 180. Default: 5.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub gamma_step_deg: Option<f64>,
-}
-
-/// A rectangle of a plane. Its rows are those of the picture that is seen from the side that is lit.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct PlaneView {
-    /// Its middle.
-    #[schema(value_type = NumberTriple)]
-    pub center_mm: [f64; 3],
-    /// Normal towards the side that is lit. Default: across gamma = 0, to the side on which the source lies.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<NumberTriple>)]
-    pub normal: Option<[f64; 3]>,
-    /// What is up in the picture. Default: +Z, and +Y of a plane across Z.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<NumberTriple>)]
-    pub up: Option<[f64; 3]>,
-    /// Along its rows.
-    #[schema(exclusive_minimum = 0.0)]
-    pub width_mm: f64,
-    /// Along its columns. Default: the width.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(exclusive_minimum = 0.0)]
-    pub height_mm: Option<f64>,
-    /// Cells in a row. Default: 64.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(minimum = 1, maximum = 4096)]
-    pub columns: Option<usize>,
-    /// Rows. Default: so many that cells are square.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(minimum = 1, maximum = 4096)]
-    pub rows: Option<usize>,
-}
-
-/// A camera with square cells; orthographic with `width_mm`, perspective with `field_deg`.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct CameraView {
-    /// Where it is. An orthographic camera is infinitely far away in the same direction.
-    #[schema(value_type = NumberTriple)]
-    pub eye_mm: [f64; 3],
-    /// What is in the middle of the picture. Default: the origin.
-    #[serde(default)]
-    #[schema(nullable, value_type = NumberTriple)]
-    pub target_mm: [f64; 3],
-    /// What is up in the picture. Default: +Z, and +Y of a camera that looks along Z.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<NumberTriple>)]
-    pub up: Option<[f64; 3]>,
-    /// Width of what an orthographic camera sees.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(exclusive_minimum = 0.0)]
-    pub width_mm: Option<f64>,
-    /// Angle of the whole width of a perspective camera.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(exclusive_minimum = 0.0, exclusive_maximum = 180.0)]
-    pub field_deg: Option<f64>,
-    /// Cells in a row. Default: 256.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(minimum = 1, maximum = 4096)]
-    pub columns: Option<usize>,
-    /// Rows. Default: as many as columns.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(minimum = 1, maximum = 4096)]
-    pub rows: Option<usize>,
-    /// Lines along each side of a cell, whose mean is its value; 1 is the line through its middle. Default: 2.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(minimum = 1, maximum = 16)]
-    pub samples: Option<usize>,
-}
-
-/// Which light.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum LightName {
-    /// lm.
-    Luminous,
-    /// W.
-    Radiant,
-    /// W/nm in each band of the model.
-    Spectrum,
-    /// Tristimulus values X, Y, Z and chromaticity x, y of the CIE 1931 observer.
-    Color,
-}
-
-/// Form of an answer.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum EvaluationFormat {
-    /// `openapi/evaluation.schema.json`.
-    #[default]
-    Json,
-    /// One line a cell.
-    Csv,
-    /// One page of 32-bit floats a channel, then one for the bounds of each.
-    Tiff,
-    /// A drawing with axes and a scale.
-    Svg,
-}
-
-impl NewEvaluation {
-    /// In the pipeline's words.
-    fn request(self) -> Result<EvaluationRequest, Problem> {
-        let vector = Vector::from_array;
-        let view = match self.view {
-            EvaluationView::Grid(DirectionGrid { c_step_deg, gamma_step_deg }) => View::Grid {
-                c_step_deg: c_step_deg.unwrap_or(View::C_STEP_DEG),
-                gamma_step_deg: gamma_step_deg.unwrap_or(View::GAMMA_STEP_DEG),
-            },
-            EvaluationView::Directions(directions) => View::Directions(directions.into_iter().map(vector).collect()),
-            EvaluationView::Angles(angles) => View::Angles(angles),
-            EvaluationView::Plane(plane) => View::Plane(plane.plane()),
-            EvaluationView::Camera(camera) => View::Camera(camera.camera()?),
-        };
-        let kind = self.light.map(|light| match light {
-            LightName::Luminous => LightKind::Luminous,
-            LightName::Radiant => LightKind::Radiant,
-            LightName::Spectrum => LightKind::Spectrum,
-            LightName::Color => LightKind::Color,
-        });
-        let tolerance = self.tolerance.unwrap_or(TOLERANCE);
-        Ok(EvaluationRequest { view, kind, tolerance, most_numbers: MOST_NUMBERS, most_kept: MOST_KEPT })
-    }
-}
-
-impl PlaneView {
-    fn plane(self) -> Plane {
-        let (width_mm, height_mm) = (self.width_mm, self.height_mm.unwrap_or(self.width_mm));
-        let columns = self.columns.unwrap_or(Plane::COLUMNS);
-        Plane {
-            center_mm: Vector::from_array(self.center_mm),
-            normal: self.normal.map(Vector::from_array),
-            up: self.up.map(Vector::from_array),
-            width_mm,
-            height_mm,
-            columns,
-            rows: self.rows.unwrap_or_else(|| Plane::square_rows(width_mm, height_mm, columns)),
-        }
-    }
-}
-
-impl CameraView {
-    fn camera(self) -> Result<Camera, Error> {
-        let columns = self.columns.unwrap_or(Camera::COLUMNS);
-        Ok(Camera {
-            eye_mm: Vector::from_array(self.eye_mm),
-            target_mm: Vector::from_array(self.target_mm),
-            up: self.up.map(Vector::from_array),
-            width: match (self.width_mm, self.field_deg) {
-                (Some(width_mm), None) => Width::Orthographic(width_mm),
-                (None, Some(field_deg)) => Width::Perspective(field_deg),
-                _ => {
-                    let found = "The camera has no width, or two: width_mm and field_deg.";
-                    let remedy = "Give width_mm of an orthographic camera, or field_deg of a perspective one.";
-                    let place = Place::Asked("view.camera.width_mm");
-                    return Err(Error::invalid_declaration("evaluation.geometry", place, found, remedy));
-                }
-            },
-            columns,
-            rows: self.rows.unwrap_or(columns),
-            samples: self.samples.unwrap_or(Camera::SAMPLES),
-        })
-    }
-}
-
-impl EvaluationFormat {
-    fn form(self) -> EvaluationForm {
-        match self {
-            EvaluationFormat::Json => EvaluationForm::Json,
-            EvaluationFormat::Csv => EvaluationForm::Csv,
-            EvaluationFormat::Tiff => EvaluationForm::Tiff,
-            EvaluationFormat::Svg => EvaluationForm::Svg,
-        }
-    }
-}
-
 /// Evaluates the model of a job
 ///
 /// Intensity, irradiance or radiance without noise, each number with the bound of its error against the model. An answer has at most 262144
-/// numbers (cells times channels) and takes about 20 s at most; `lampwright evaluate` computes what is larger. Nothing is stored, so the request can
+/// numbers (cells times channels) and takes about 20 s at most; what is larger is a job (`POST /v1/evaluations`). Nothing is stored, so the request can
 /// be repeated.
 #[utoipa::path(
     post, path = "/v1/jobs/{id}/evaluations", tag = "artifacts", operation_id = "evaluate_model", request_body = NewEvaluation,
@@ -278,7 +49,7 @@ pub async fn evaluate(
     find(&api, &access, &id).await?;
     let files = model_files(&api, &id).await?;
     let form = new.format.form();
-    let request = new.request()?;
+    let request = new.request(MOST_NUMBERS, MOST_KEPT)?;
     match api.models.evaluate(&access.tenant, &api.storage.blobs, &files, request, form).await? {
         Evaluated::File(file) => {
             let disposition = disposition(&file.name, file.media_type);
@@ -290,4 +61,65 @@ pub async fn evaluate(
         Evaluated::TooLong => Err(Problem::evaluation_too_long()),
         Evaluated::Stopping => Err(Problem::draining()),
     }
+}
+
+/// Queues an evaluation of the model of a job
+///
+/// A job like any other, for what is too large to be answered at once: at most 16777216 numbers, within the time limit of jobs. Its artifact is
+/// `evaluation.json`, `.csv`, `.tiff` or `.svg`. The model must be there when the job begins; afterwards it may be deleted. `Idempotency-Key` and `reuse`
+/// have the meaning that they have for `POST /v1/jobs`.
+#[utoipa::path(
+    post, path = "/v1/evaluations", tag = "jobs", operation_id = "queue_evaluation", request_body = NewEvaluationJob,
+    params(
+        ("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 257,
+         description = "a key that the client chooses for this request: 1 to 255 printable ASCII characters, plain or quoted (draft-ietf-httpapi-idempotency-key-header)",
+         example = "\"8e03978e-40d5-43dd-bc93-6894a57f9324\""),
+    ),
+    responses(
+        (status = 200, body = Job, description = "an equal job that existed before", headers(
+            ("Location" = String, description = "the address of the job"))),
+        (status = 202, body = Job, description = "the job is queued", headers(
+            ("Location" = String, description = "the job"), ("Retry-After" = u64, description = "the seconds to wait before asking for the state of the job"))),
+        (status = 400, body = Problem, content_type = "application/problem+json", description = "the body is not JSON, or the Idempotency-Key is malformed"),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job, or it has no model"),
+        (status = 410, body = Problem, content_type = "application/problem+json", description = "the job that was made with this Idempotency-Key was deleted"),
+        (status = 413, body = Problem, content_type = "application/problem+json", description = "the body is too large, or the tenant has used its storage quota"),
+        (status = 415, body = Problem, content_type = "application/problem+json", description = "the Content-Type is not application/json"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "a field is unknown, of the wrong type or out of range; the answer would be too large; the job needs more memory than the service has; the Idempotency-Key was used for another request"),
+        (status = 429, body = Problem, content_type = "application/problem+json", description = "the tenant has reached its quota of queued jobs, or this API key made too many requests"),
+        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy or stopping, or the database or the object store does not answer"),
+    )
+)]
+pub async fn queue(
+    State(api): State<Api>,
+    access: Access,
+    headers: HeaderMap,
+    Body(new): Body<NewEvaluationJob>,
+) -> Result<Response, Problem> {
+    let keyed = key(&headers)?.map(|key| Keyed::new(key, &new)).transpose()?;
+    if let Some(keyed) = &keyed
+        && let Some(queued) = api.queue.answered(&access.tenant, keyed).await?
+    {
+        return answer(&api, &access, queued).await;
+    }
+    if api.draining.is_cancelled() {
+        return Err(Problem::draining());
+    }
+    timeout_in_range(&api, new.timeout_s)?;
+    find(&api, &access, &new.job).await?;
+    let files = model_files(&api, &new.job).await?;
+    let evaluation = JobEvaluation { job: new.job, evaluation: new.evaluation };
+    let plan = plan_evaluation(&evaluation, &files)?;
+    let new = NewJob {
+        channels: Vec::new(),
+        priority: new.priority,
+        timeout_s: new.timeout_s,
+        metadata: new.metadata,
+        reuse: new.reuse,
+        evaluation: Some(evaluation),
+        ..NewJob::of("")
+    };
+    let queued = api.queue.enqueue(&access.tenant, &new, &plan, keyed.as_ref()).await?;
+    tracing::info!(job = queued.id, reused = queued.reused, "evaluation queued");
+    answer(&api, &access, queued).await
 }

@@ -104,13 +104,14 @@ pub struct JobProgress {
 }
 
 impl From<JobStatus> for JobProgress {
-    fn from(JobStatus { state, attempt, stage, stage_progress, queue_position }: JobStatus) -> JobProgress {
+    fn from(status: JobStatus) -> JobProgress {
+        let JobStatus { state, attempt, stage, stage_progress, queue_position, is_evaluation } = status;
         JobProgress {
             state,
             attempt,
             stage: stage.map(Stage::name),
             fraction: stage_progress,
-            progress: overall(&stages(stage, stage_progress)),
+            progress: overall(&stages(stage, stage_progress, is_evaluation)),
             queue_position,
         }
     }

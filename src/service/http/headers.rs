@@ -12,8 +12,8 @@ use axum::middleware::{Next, from_fn};
 use axum::response::{IntoResponse, Response};
 use utoipa_axum::router::UtoipaMethodRouter;
 
-/// The route that honours `Idempotency-Key`.
-const KEYED_ROUTE: &str = "/v1/jobs";
+/// The routes that honour `Idempotency-Key`.
+const KEYED_ROUTES: [&str; 2] = ["/v1/jobs", "/v1/evaluations"];
 const IDEMPOTENCY_KEY: HeaderName = HeaderName::from_static("idempotency-key");
 /// What asks for another method than the request's own. tus has the first; its requests have their method by the time they are here.
 const METHOD_OVERRIDES: [&str; 3] = ["x-http-method-override", "x-http-method", "x-method-override"];
@@ -126,7 +126,7 @@ fn content(headers: &HeaderMap) -> Result<(), Problem> {
 
 /// A key under which a request could be repeated. DELETE can be repeated without one.
 fn key(method: &Method, route: &str, headers: &HeaderMap) -> Result<(), Problem> {
-    let is_honoured = *method == Method::DELETE || (*method == Method::POST && route == KEYED_ROUTE);
+    let is_honoured = *method == Method::DELETE || (*method == Method::POST && KEYED_ROUTES.contains(&route));
     match is_honoured || !headers.contains_key(IDEMPOTENCY_KEY) {
         true => Ok(()),
         false => Err(Problem::no_keys_here(&format!("{method} {route}"))),

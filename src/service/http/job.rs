@@ -6,6 +6,7 @@ use super::extract::Path;
 use super::problem::Problem;
 use crate::accounts::access::Access;
 use crate::failure::{Failure, StoredNotice};
+use crate::jobs::evaluation::JobEvaluation;
 use crate::jobs::options::JobOptions;
 use crate::jobs::request::{Channel, TotalFlux};
 use crate::jobs::{Priority, State as JobState, ZIP, query};
@@ -38,7 +39,7 @@ pub fn href(job: &str, name: &str) -> String {
 /// once, once with tracing, once with spectra). Only progress bars depend on it.
 const STAGE_WEIGHTS: [f64; 6] = [20.0, 15.0, 30.0, 30.0, 2.0, 3.0];
 
-/// A job: the computation of one source model.
+/// A job: the computation of one source model, or of one evaluation of a model.
 #[derive(Serialize, ToSchema)]
 pub struct Job {
     /// Identifier of this object.
@@ -66,6 +67,9 @@ pub struct Job {
     /// Total flux of the source, of which the channels have shares.
     #[schema(required)]
     total: Option<TotalFlux>,
+    /// What is evaluated, of an evaluation, which has no channels; null of a job that makes a model.
+    #[schema(required)]
+    evaluation: Option<JobEvaluation>,
     /// The options of the job; null means that the value follows from the rays.
     #[schema(value_type = JobOptions)]
     options: Options,
@@ -145,7 +149,7 @@ pub struct JobLinks {
     /// List of the artifacts; null until the job has succeeded.
     #[schema(required)]
     artifacts: Option<String>,
-    /// Zip file of all artifacts; null until the job has succeeded.
+    /// Zip file of all artifacts; null until the job has succeeded, and of an evaluation.
     #[schema(required)]
     zip: Option<String>,
     /// The ray sets of the channels.
@@ -154,7 +158,7 @@ pub struct JobLinks {
 
 impl From<query::Job> for Job {
     fn from(row: query::Job) -> Job {
-        let stages = stages(row.stage, row.stage_progress);
+        let stages = stages(row.stage, row.stage_progress, row.evaluation.is_some());
         let this = link(&format!("/v1/jobs/{}", row.id));
         let succeeded = row.state == JobState::Succeeded;
         Job {
@@ -164,7 +168,7 @@ impl From<query::Job> for Job {
             links: JobLinks {
                 cancel: (!row.state.ended()).then(|| format!("{this}/cancel")),
                 artifacts: succeeded.then(|| format!("{this}/artifacts")),
-                zip: succeeded.then(|| href(&row.id, ZIP)),
+                zip: (succeeded && row.evaluation.is_none()).then(|| href(&row.id, ZIP)),
                 ray_sets: row.channels.iter().map(|set| link(&format!("/v1/ray-sets/{}", set.ray_set))).collect(),
                 this,
             },
@@ -175,6 +179,7 @@ impl From<query::Job> for Job {
             cancel_requested: row.cancel_requested,
             channels: row.channels,
             total: row.total,
+            evaluation: row.evaluation,
             options: row.options,
             priority: row.priority,
             timeout_s: row.timeout_s,
@@ -200,12 +205,19 @@ impl Job {
 
 /// Fraction of the whole job that is done, 0 to 1.
 pub(super) fn overall(stages: &[StageProgress]) -> f64 {
+    if let [only] = stages {
+        return only.progress;
+    }
     stages.iter().zip(STAGE_WEIGHTS).map(|(stage, weight)| stage.progress * weight).sum::<f64>()
         / STAGE_WEIGHTS.iter().sum::<f64>()
 }
 
-/// Every stage's progress, when `within` of the stage `reached` is done.
-pub(super) fn stages(reached: Option<Stage>, within: f64) -> Vec<StageProgress> {
+/// Every stage's progress, when `within` of the stage `reached` is done; an evaluation has one stage.
+pub(super) fn stages(reached: Option<Stage>, within: f64, is_evaluation: bool) -> Vec<StageProgress> {
+    if is_evaluation {
+        let progress = if reached.is_some() { within } else { 0.0 };
+        return vec![StageProgress { name: Stage::Model.name(), progress }];
+    }
     let done = |stage: Stage| match reached {
         Some(reached) if stage == reached => within,
         Some(reached) if stage < reached => 1.0,

@@ -42,6 +42,8 @@ pub mod rays;
 pub mod evaluations;
 /// Models of jobs combined.
 mod combinations;
+/// Models as renderers open them.
+mod adapters;
 /// Webhooks.
 pub mod webhooks;
 /// Deliveries of webhooks.
@@ -152,12 +154,14 @@ fn routes() -> OpenApiRouter<Api> {
         .routes(needs(JobsRead, routes!(rays::draw)))
         .routes(needs(JobsRead, routes!(evaluations::evaluate)))
         .routes(needs(JobsRead, routes!(combinations::combine)))
+        .routes(needs(JobsRead, routes!(adapters::adapt)))
         .routes(needs(WebhooksRead, routes!(webhooks::list)))
         .routes(needs(WebhooksRead, routes!(webhooks::get)))
         .routes(needs(WebhooksRead, routes!(deliveries::list)));
     // What only writes rows; what makes room is with the relief.
     let writes = OpenApiRouter::new()
         .routes(needs(JobsWrite, routes!(submission::create)))
+        .routes(needs(JobsWrite, routes!(evaluations::queue)))
         .routes(needs(WebhooksWrite, routes!(webhooks::create)))
         .routes(needs(WebhooksWrite, routes!(webhooks::change)))
         .routes(needs(WebhooksWrite, routes!(webhooks::rotate)))

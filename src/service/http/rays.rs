@@ -1,7 +1,7 @@
 //! `/v1/jobs/{id}/rays`: new rays from the model of a job, made while they are sent.
 
 use super::api::Api;
-use super::artifacts::{FileFacts, answer};
+use super::artifacts::{FileFacts, answer, promise};
 use super::extract::{Path, Query};
 use super::job::find;
 use super::problem::Problem;
@@ -95,7 +95,7 @@ impl RaysQuery {
 ///
 /// A ray file with as many rays as are asked for, all of the same flux, made while it is sent: ray i depends on the seed and on i alone, so a
 /// range of bytes is the same whoever asks for it when, and a download can be resumed. The entity tag names model, count, seed, how rays are spread,
-/// format and the computation.
+/// format and the computation. HEAD reads the model once only: what is needed for lengths is kept.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/rays", tag = "artifacts", operation_id = "draw_rays",
     params(
@@ -139,12 +139,17 @@ pub async fn draw(
         byte_count,
         etag: format!("\"{}-{}-{count}-{seed}{spread}-{extension}-{PIPELINE}\"", emitter.sha256, goniograms.sha256),
     };
-    // What a condition keeps from being sent needs no model.
+    // What a condition keeps from being sent needs no model, nor does a length that an earlier request has told.
     let unmade = facts(0);
     if matches!(ranges::wanted(&headers, &unmade.etag, 0), Wanted::Nothing | Wanted::Changed) {
-        return answer(&unmade, &method, &headers, async |_| Ok(Body::empty())).await;
+        return promise(&unmade, None, &headers);
     }
     let request = RayRequest { count, seed, low_discrepancy, target: format.target() };
+    if method == Method::HEAD
+        && let Some(byte_count) = api.models.ray_bytes(&files, request)?
+    {
+        return promise(&unmade, Some(byte_count), &headers);
+    }
     let drawing = api.models.draw(&access.tenant, &api.storage.blobs, &files, request).await?;
     let drawing = drawing.ok_or_else(Problem::busy)?;
     answer(&facts(drawing.byte_count), &method, &headers, async |range| Ok(Body::from_stream(drawing.stream(range))))

@@ -8,7 +8,7 @@ use super::upload_request::{Naming, announcement};
 use crate::accounts::access::Access;
 use crate::failure::StoredNotice;
 use crate::hex::hex;
-use crate::jobs::request::NumberPair;
+use crate::jobs::evaluation::NumberPair;
 use crate::ray_sets::rows::Deletion;
 use crate::storage::keys::new_id;
 use crate::{ray_sets, spectra};

@@ -145,14 +145,26 @@ fn in_range(api: &Api, new: &NewJob) -> Result<(), Problem> {
             return Err(Problem::out_of_range(&format!("channels[{index}].name"), "1 to 255 characters long"));
         }
     }
+    timeout_in_range(api, new.timeout_s)
+}
+
+/// Refuses a time limit that no attempt may have.
+///
+/// # Errors
+/// It is 0, or longer than the service allows.
+pub fn timeout_in_range(api: &Api, timeout_s: Option<u32>) -> Result<(), Problem> {
     let most_s = api.queue.longest().as_secs();
-    if new.timeout_s.is_some_and(|seconds| seconds == 0 || u64::from(seconds) > most_s) {
+    if timeout_s.is_some_and(|seconds| seconds == 0 || u64::from(seconds) > most_s) {
         return Err(Problem::out_of_range("timeout_s", &format!("a whole number of seconds from 1 to {most_s}")));
     }
     Ok(())
 }
 
-async fn answer(api: &Api, access: &Access, Queued { id, reused }: Queued) -> Result<Response, Problem> {
+/// The answer to a request for a job.
+///
+/// # Errors
+/// The job is gone already; the database does not answer.
+pub async fn answer(api: &Api, access: &Access, Queued { id, reused }: Queued) -> Result<Response, Problem> {
     let job = Job::from(find(api, access, &id).await?).reused(reused);
     Ok(location(if reused { StatusCode::OK } else { StatusCode::ACCEPTED }, job))
 }
@@ -174,7 +186,10 @@ async fn estimate(api: &Api, access: &Access, new: &NewJob, plan: &JobPlan) -> R
 }
 
 /// The key of a request: a string of RFC 8941 (the draft's form), or the same without its quotes (everybody's).
-fn key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
+///
+/// # Errors
+/// It is neither.
+pub fn key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
     let mut values = headers.get_all(IDEMPOTENCY_KEY).iter();
     let Some(value) = values.next() else { return Ok(None) };
     let wrong = |found: &str| Err(Problem::malformed_header("Idempotency-Key", found));

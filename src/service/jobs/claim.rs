@@ -50,7 +50,7 @@ const TAKE: &str = concat!(
     needed!("$5"),
     " <= $4 AND (SELECT COUNT(*) FROM jobs run WHERE run.tenant = $3 AND run.state = 'running') < $6 \
      ORDER BY jobs.priority, jobs.id LIMIT 1 {skip_locked}) \
-     RETURNING id, fence, attempt, options, timeout_ms, ",
+     RETURNING id, fence, attempt, options, evaluation, timeout_ms, ",
     needed!("$5"),
     " AS needed_bytes"
 );
@@ -138,6 +138,7 @@ impl Queue {
             fence: row.number("fence")?,
             attempt: row.number("attempt")?,
             options: row.text("options")?,
+            evaluation: row.optional_text("evaluation")?,
             timeout: timeout_ms.unwrap_or(self.longest).min(self.longest),
             memory,
         }))

@@ -2,6 +2,8 @@
 //! artifacts will follow from.
 
 use super::error::Error;
+use super::evaluation::{JobEvaluation, LightName, MOST_NUMBERS};
+use super::query::StoredArtifact;
 use super::request::{Channel, NewJob, TotalFlux};
 use crate::failure::StoredNotice;
 use crate::hex::hex;
@@ -15,6 +17,14 @@ use sha2::{Digest, Sha256};
 
 /// Names the computation that this build has: another one may give other bytes (`build.rs`).
 pub const PIPELINE: &str = env!("LAMPWRIGHT_PIPELINE");
+
+/// Memory of an evaluation: what a service has read anyway, for each byte of the model's files, and for each number with its bound and its text
+/// (2 million bytes of files and 6.5 million numbers took 292 MiB as JSON and 720 MiB as CSV).
+const BASE_BYTES: u64 = 64 << 20;
+const BYTES_PER_MODEL_BYTE: u64 = 8;
+const BYTES_PER_NUMBER: u64 = 128;
+/// Bands of a model, which a request does not tell: more are rare.
+const BANDS: u64 = 100;
 
 /// What is known of a job before it is queued: its size, its need of memory and the digest of its content, from the headers of
 /// its files.
@@ -122,6 +132,37 @@ pub async fn plan(records: &Records, tenant: &str, new: &NewJob, threads: usize)
         thread_bytes: memory.thread_bytes,
         content_sha256: Some(digest(&known, &options)?),
         notices: notices.iter().map(StoredNotice::from).collect(),
+    })
+}
+
+/// What is known of an evaluation before it is queued, of the two files of the model.
+///
+/// # Errors
+/// [`Error::Unfit`] for a request that no model could answer, and above [`MOST_NUMBERS`].
+pub fn plan_evaluation(asked: &JobEvaluation, files: &[StoredArtifact; 2]) -> Result<JobPlan, Error> {
+    let request = asked.evaluation.clone().request(MOST_NUMBERS, usize::MAX)?;
+    request.check()?;
+    let [columns, rows] = request.view.shape()?;
+    let cells = columns.saturating_mul(rows);
+    if cells > MOST_NUMBERS {
+        let found = format!("The answer would have {cells} cells; a job computes at most {MOST_NUMBERS} numbers.");
+        return Err(pipeline::Error::refused("evaluation.too_large", found, "Ask for fewer cells.").into());
+    }
+    let channels = match asked.evaluation.light {
+        Some(LightName::Spectrum) => BANDS,
+        Some(LightName::Color) => 5,
+        Some(LightName::Luminous | LightName::Radiant) | None => 1,
+    };
+    let numbers = (cells as u64 * channels).min(MOST_NUMBERS as u64);
+    let byte_count: u64 = files.iter().map(|file| file.byte_count).sum();
+    let digests = files.each_ref().map(|file| file.sha256.as_str());
+    let content = serde_json::to_vec(&("evaluation", PIPELINE, digests, asked)).map_err(unreadable)?;
+    Ok(JobPlan {
+        byte_count,
+        memory_bytes: BASE_BYTES + BYTES_PER_MODEL_BYTE * byte_count + BYTES_PER_NUMBER * numbers,
+        memory_threads: 1,
+        content_sha256: Some(hex(&Sha256::digest(content))),
+        ..JobPlan::default()
     })
 }
 

@@ -2,6 +2,8 @@
 
 /// What a client may choose, as sent and as stored.
 pub mod options;
+/// Evaluations of models, as clients ask for them.
+pub mod evaluation;
 /// What a source is made of, as sent and as stored.
 pub mod request;
 /// What is known of jobs; changes nothing.
@@ -24,6 +26,8 @@ mod recovery;
 pub mod shares;
 /// Tells clients that their jobs change.
 pub mod watcher;
+/// Models that are evaluated.
+mod evaluating;
 /// Takes jobs from the queue and computes them.
 pub mod worker;
 /// What can go wrong with a job.

@@ -1,5 +1,6 @@
 //! Reads jobs from the database; changes nothing.
 
+use super::evaluation::JobEvaluation;
 use super::request::{Channel, TotalFlux};
 use super::{Priority, State};
 use crate::failure::{Failure, StoredNotice};
@@ -28,6 +29,8 @@ pub struct Job {
     pub channels: Vec<Channel>,
     /// Total flux of the source, of which the channels have shares.
     pub total: Option<TotalFlux>,
+    /// What is evaluated, of an evaluation, which has no channels.
+    pub evaluation: Option<JobEvaluation>,
     /// Options of the job.
     pub options: Options,
     /// Number of attempts at the job.
@@ -73,6 +76,8 @@ pub struct JobStatus {
     pub stage_progress: f64,
     /// Position in the queue of the tenant, from 1, while the job is queued.
     pub queue_position: Option<u64>,
+    /// Whether the job is an evaluation, which has one stage.
+    pub is_evaluation: bool,
 }
 
 /// All of a job that can change after it was queued: where two stamps are equal, the job is the same.
@@ -102,7 +107,8 @@ impl From<&Job> for Stamp {
 impl From<&Job> for JobStatus {
     fn from(job: &Job) -> JobStatus {
         let Job { state, attempt, stage, stage_progress, queue_position, .. } = *job;
-        JobStatus { state, attempt, stage, stage_progress, queue_position }
+        let is_evaluation = job.evaluation.is_some();
+        JobStatus { state, attempt, stage, stage_progress, queue_position, is_evaluation }
     }
 }
 
@@ -271,7 +277,7 @@ pub async fn seconds_per_ray(records: &Records) -> Result<Option<f64>, Error> {
 /// The database did not answer.
 pub async fn stamps(records: &Records, ids: &[String]) -> Result<HashMap<String, Stamp>, Error> {
     let select = "SELECT jobs.id, state, attempt, stage, stage_progress, cancel_requested, priority, timeout_ms, started_ms, \
-                  finished_ms, waiting.position FROM jobs LEFT JOIN \
+                  finished_ms, evaluation, waiting.position FROM jobs LEFT JOIN \
                   (SELECT id, ROW_NUMBER() OVER (PARTITION BY tenant ORDER BY priority, id) AS position \
                    FROM jobs WHERE state = 'queued') waiting \
                   ON waiting.id = jobs.id WHERE jobs.id IN ({texts of $1 texts})";
@@ -304,6 +310,7 @@ fn status(row: &Row) -> Result<JobStatus, Error> {
         stage: stage.and_then(|name| Stage::ALL.into_iter().find(|stage| stage.name() == name)),
         stage_progress: row.real("stage_progress")?,
         queue_position: (state == State::Queued).then(|| row.count("position")).transpose()?,
+        is_evaluation: row.optional_text("evaluation")?.is_some(),
     })
 }
 
@@ -352,13 +359,14 @@ pub async fn artifact_named(records: &Records, id: &str, name: &str) -> Result<O
 async fn job(records: &Records, row: &Row) -> Result<Job, Error> {
     let id = row.text("id")?;
     let Stamp { status, cancel_requested, priority, timeout_s, started_ms, finished_ms } = stamp(row)?;
-    let JobStatus { state, attempt, stage, stage_progress, queue_position } = status;
+    let JobStatus { state, attempt, stage, stage_progress, queue_position, .. } = status;
     let failure = row.optional_text("failure")?;
     Ok(Job {
         channels: channels(records, &id).await?,
         total: row.optional_text("total")?.as_deref().map(stored).transpose()?,
         id,
         state,
+        evaluation: row.optional_text("evaluation")?.as_deref().map(stored).transpose()?,
         options: stored(&row.text("options")?)?,
         attempt,
         cancel_requested,

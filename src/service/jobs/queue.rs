@@ -37,6 +37,8 @@ pub struct Claim {
     pub attempt: i64,
     /// Options of the job, as the JSON that is stored.
     pub options: String,
+    /// What is evaluated, as the JSON that is stored, of an evaluation.
+    pub evaluation: Option<String>,
     /// Time limit of this attempt.
     pub timeout: Duration,
     /// The memory that is reserved for the job in this process.

@@ -302,6 +302,7 @@ mod tests {
             id: "j".into(),
             state,
             channels: Vec::new(),
+            evaluation: None,
             total: None,
             options: Options::default(),
             attempt: 0,

@@ -2,6 +2,7 @@
 //! they form one source before the job is queued.
 
 use super::Priority;
+use super::evaluation::{JobEvaluation, NumberPair};
 use super::options::JobOptions;
 use crate::metadata::Metadata;
 use crate::ray_sets::declaration::columns;
@@ -43,6 +44,9 @@ pub struct NewJob {
     #[serde(default = "yes")]
     #[schema(nullable)]
     pub reuse: bool,
+    /// What is evaluated, of a job that was asked for as an evaluation; it then has no channels.
+    #[serde(skip)]
+    pub evaluation: Option<JobEvaluation>,
 }
 
 fn yes() -> bool {
@@ -92,11 +96,6 @@ pub enum SpectrumChoice {
     NmValue(Vec<(f64, f64)>),
 }
 
-/// Two numbers.
-#[derive(ToSchema)]
-#[schema(min_items = 2, max_items = 2)]
-pub struct NumberPair(#[expect(dead_code, reason = "a schema, never a value")] Vec<f64>);
-
 /// Flux of a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
@@ -132,6 +131,7 @@ impl NewJob {
             timeout_s: None,
             metadata: Metadata::default(),
             reuse: true,
+            evaluation: None,
         }
     }
 }

@@ -32,7 +32,7 @@ impl Keyed {
     ///
     /// # Errors
     /// Never in practice: what was read can be written.
-    pub fn new(key: String, new: &NewJob) -> Result<Keyed, storage::Error> {
+    pub fn new(key: String, new: &impl serde::Serialize) -> Result<Keyed, storage::Error> {
         Ok(Keyed { key, request_sha256: hex(&Sha256::digest(json(new)?)) })
     }
 }
@@ -188,9 +188,9 @@ impl Queue {
         let id = new_id();
         let insert = "INSERT INTO jobs (tenant, id, state, options, attempt, max_attempts, fence, cancel_requested, \
                       stage_progress, notices, created_ms, total, priority, timeout_ms, memory_bytes, memory_threads, \
-                      thread_bytes, ray_count, content_sha256, metadata) \
+                      thread_bytes, ray_count, content_sha256, metadata, evaluation) \
                       VALUES ($1, $2, 'queued', $3, 0, $4, 0, 0, 0, $14, {now}, $5, $6, NULLIF($7, -1), $8, $9, $10, \
-                      $11, $12, $13)";
+                      $11, $12, $13, $15)";
         let insert = sql(insert).bind(tenant).bind(id.as_str()).bind(json(&new.options)?);
         let total = new.total.as_ref().map(json).transpose()?;
         let insert = insert.bind(i64::from(self.max_attempts)).bind(total.as_deref());
@@ -199,7 +199,8 @@ impl Queue {
         let insert = insert.bind(plan.memory_bytes.cast_signed()).bind(threads);
         let insert = insert.bind(plan.thread_bytes.cast_signed()).bind(plan.ray_count.cast_signed());
         let insert = insert.bind(plan.content_sha256.as_deref()).bind(rows::written(&new.metadata)?);
-        let insert = insert.bind(json(&plan.notices)?);
+        let evaluation = new.evaluation.as_ref().map(json).transpose()?;
+        let insert = insert.bind(json(&plan.notices)?).bind(evaluation.as_deref());
         transaction.write(insert).await?;
         rows::of_job(transaction, tenant, &id, &new.metadata).await?;
         for (position, channel) in new.channels.iter().enumerate() {

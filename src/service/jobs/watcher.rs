@@ -165,7 +165,7 @@ mod tests {
     use crate::jobs::State;
 
     fn status(state: State) -> JobStatus {
-        JobStatus { state, attempt: 0, stage: None, stage_progress: 0.0, queue_position: None }
+        JobStatus { state, attempt: 0, stage: None, stage_progress: 0.0, queue_position: None, is_evaluation: false }
     }
 
     #[test]

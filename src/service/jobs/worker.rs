@@ -1,6 +1,7 @@
 //! Claims jobs of the queue and computes them: the only caller of [`pipeline::run`], on threads of its own.
 
 use super::ZIP;
+use super::evaluating::Evaluation;
 use super::query;
 use super::query::StoredArtifact;
 use super::queue::{Claim, Lease, Queue};
@@ -31,7 +32,7 @@ use tracing::Instrument;
 /// The result of a computed job.
 #[derive(Debug, Default)]
 pub struct Product {
-    /// The artifacts of the job, [`ZIP`] last.
+    /// The artifacts of the job, [`ZIP`] last; of an evaluation the one file.
     pub artifacts: Vec<Artifact>,
     /// Notices about data that was repaired, dropped or unusual.
     pub notices: Vec<Notice>,
@@ -247,6 +248,18 @@ impl Worker {
 
     /// Computes and stores; nothing of it is visible until the queue says so.
     async fn work(&self, claim: &Claim, pool: Arc<ThreadPool>, progress: Arc<Progress>) -> Ending {
+        if let Some(stored) = &claim.evaluation {
+            let evaluation = match Evaluation::load(&self.storage, claim, stored).await {
+                Ok(evaluation) => evaluation,
+                Err(error) => return failed(claim, &error),
+            };
+            let (limits, watch) = (self.limits, Arc::clone(&progress));
+            let run = move || {
+                let artifact = pool.install(|| evaluation.run(&limits, watch.as_ref()))?;
+                Ok(Product { artifacts: vec![artifact], notices: Vec::new() })
+            };
+            return self.compute(claim, run, &progress).await;
+        }
         let mut options: Options = match serde_json::from_str(&claim.options) {
             Ok(options) => options,
             Err(error) => {
@@ -262,13 +275,24 @@ impl Worker {
             Err(error) => return failed(claim, &error),
         };
         let (runner, limits, watch) = (Arc::clone(&self.runner), self.limits, Arc::clone(&progress));
-        let run = move || {
-            let product = pool.install(|| runner(&inputs, &options, &limits, watch.as_ref()))?;
+        let run = move || pool.install(|| runner(&inputs, &options, &limits, watch.as_ref()));
+        self.compute(claim, run, &progress).await
+    }
+
+    /// Runs a computation on a thread of its own, and stores what it gives.
+    async fn compute(
+        &self,
+        claim: &Claim,
+        run: impl FnOnce() -> Result<Product, pipeline::Error> + Send + 'static,
+        progress: &Progress,
+    ) -> Ending {
+        let digested = move || {
+            let product = run()?;
             let digests = product.artifacts.iter().map(|artifact| hex(&Sha256::digest(&artifact.bytes))).collect();
             Ok((product, digests))
         };
-        match priority::compute("pipeline", run).await {
-            Ok(Ok((product, digests))) => self.publish(claim, product, digests, &progress).await,
+        match priority::compute("pipeline", digested).await {
+            Ok(Ok((product, digests))) => self.publish(claim, product, digests, progress).await,
             Ok(Err(error)) => failed(claim, &error),
             Err(Lost::Panicked(message)) => {
                 tracing::error!(job = claim.id, panic = message, "a computation panicked");

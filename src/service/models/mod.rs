@@ -1,10 +1,14 @@
-//! Models of jobs, read back from their stored files and kept for the next request; the new rays that are drawn from them, evaluations, and
-//! combinations.
+//! Models of jobs, read back from their stored files and kept for the next request; the new rays that are drawn from them, evaluations,
+//! combinations, and what renderers open.
 
 /// Places, and tenants' shares of them.
 mod places;
 /// Models changed, and several as one.
 pub mod combination;
+/// Models as renderers open them.
+mod adapter;
+/// What is remembered of files that are made when they are asked for.
+mod remembered;
 
 use crate::jobs::query::StoredArtifact;
 use crate::priority::compute;
@@ -13,9 +17,11 @@ use bytes::Bytes;
 use futures::Stream;
 use futures::stream::poll_fn;
 use pipeline::{
-    Artifact, Error, EvaluationForm, EvaluationRequest, Failed, Limits, NewRays, RayRequest, Stage, StoredModel, Watch,
+    Artifact, Error, EvaluationForm, EvaluationRequest, Failed, Limits, NewRays, RayFile, RayRequest, Stage,
+    StoredModel, Watch,
 };
 use places::{Place, Places};
+use remembered::Remembered;
 use std::collections::HashMap;
 use std::io;
 use std::io::Write;
@@ -43,6 +49,10 @@ pub struct Models {
     /// Models that are being read: whoever wants one of them waits for it.
     reading: Arc<Mutex<Reading>>,
     places: Places,
+    /// What files of new rays say, by the digests of their models.
+    ray_files: Remembered<RayFile>,
+    /// Lengths of the files of renderers, by entity tag.
+    pub lengths: Remembered<u64>,
     /// The service stops: rays and evaluations end.
     stopping: CancellationToken,
 }
@@ -77,7 +87,14 @@ impl Drawing {
 impl Models {
     /// None are kept yet.
     pub fn new(stopping: CancellationToken) -> Models {
-        Models { kept: Arc::default(), reading: Arc::default(), places: Places::default(), stopping }
+        Models {
+            kept: Arc::default(),
+            reading: Arc::default(),
+            places: Places::default(),
+            ray_files: Remembered::default(),
+            lengths: Remembered::default(),
+            stopping,
+        }
     }
 
     /// Prepares new rays of the model in `files`; `None` where `tenant` has as many places as it may.
@@ -104,14 +121,24 @@ impl Models {
                 Err(error) => return drop(begun.send(Err(error))),
             };
             // Nobody may be there any more, and then no range comes.
-            let _ = begun.send(Ok(rays.byte_count()));
+            let _ = begun.send(Ok((rays.byte_count(), rays.file().clone())));
             if let Ok(range) = wanted.recv() {
                 send(&rays, range, &sender, &Stopping(stopping));
             }
         };
         tokio::spawn(compute("rays", work));
-        let byte_count = beginning.await.map_err(|_| Error::Internal("the drawing of rays ended".to_owned()))??;
+        let begun = beginning.await.map_err(|_| Error::Internal("the drawing of rays ended".to_owned()))?;
+        let (byte_count, file) = begun?;
+        self.ray_files.keep(&both(files), file);
         Ok(Some(Drawing { byte_count, range, pieces }))
+    }
+
+    /// Bytes of the whole file, where rays of the model in `files` were drawn before: no model is read for it.
+    ///
+    /// # Errors
+    /// The rays do not fit the format.
+    pub fn ray_bytes(&self, files: &[StoredArtifact; 2], request: RayRequest) -> Result<Option<u64>, Error> {
+        self.ray_files.of(&both(files)).map(|file| file.byte_count(request)).transpose()
     }
 
     /// Evaluates the model in `files`. Dropped before it is done, the evaluation ends.
@@ -208,6 +235,11 @@ impl Models {
             kept.remove(0);
         }
     }
+}
+
+/// What a model is called by its files.
+fn both([emitter, goniograms]: &[StoredArtifact; 2]) -> String {
+    format!("{}-{}", emitter.sha256, goniograms.sha256)
 }
 
 /// The bytes of a file of a model.

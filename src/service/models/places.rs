@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Files of new rays and evaluations that are made at once.
+/// Files of new rays, evaluations, combinations and files of renderers that are made at once.
 pub const AT_ONCE: usize = 8;
 
 /// The places of a process. Cheap to clone.

@@ -26,12 +26,14 @@ export async function downloads(job, title) {
     button(file.name, take(file, `${title} ${file.name}`.replaceAll("/", "-")), "link"),
     words.downloads.meaning(file.name), bytes(file.byte_count),
   ];
+  const all = table(words.downloads.title, words.downloads.columns, [...shown, ...ies].map(row));
+  // An evaluation is one file.
+  if (!zip) return h("section", { class: "card", "aria-labelledby": "downloads-title" }, h("h2", { id: "downloads-title" }, words.downloads.title), told, all);
   return h("section", { class: "card", "aria-labelledby": "downloads-title" },
     h("h2", { id: "downloads-title" }, words.downloads.title),
     h("p", {}, button(words.downloads.zip(bytes(zip.byte_count)), take(zip, `${title}.zip`.replaceAll("/", "-")), "first")),
     told,
-    h("details", {}, h("summary", {}, words.downloads.files(artifacts.length)),
-      table(words.downloads.title, words.downloads.columns, [...shown, ...ies].map(row))));
+    h("details", {}, h("summary", {}, words.downloads.files(artifacts.length)), all));
 }
 
 /** New rays: as many as wanted, in the format wanted. */

@@ -132,6 +132,7 @@ export async function namesOf(jobs) {
 }
 
 export function nameOf(job, names) {
+  if (job.evaluation) return words.job.evaluation;
   return job.channels.map(({ name, ray_set: id }) => name ?? names.get(id)).filter(Boolean).join(" + ") || words.home.unnamed;
 }
 

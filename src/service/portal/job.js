@@ -1,6 +1,7 @@
 // A job while it waits and runs, live; what became of it; once it has succeeded, its model.
 import { follow, json } from "./api.js";
 import { announce, bar, button, h, problem, put } from "./dom.js";
+import { downloads } from "./downloads.js";
 import { nameOf } from "./home.js";
 import { modelPage, removal } from "./model.js";
 import { percent } from "./numbers.js";
@@ -9,7 +10,7 @@ import { words } from "./words.js";
 export async function jobPage(page, id, signal) {
   put(page, h("p", { class: "card" }, words.loading));
   const job = await json(`v1/jobs/${encodeURIComponent(id)}`);
-  if (job.state === "succeeded") return modelPage(page, job, signal);
+  if (job.state === "succeeded") return job.evaluation ? evaluated(page, job) : modelPage(page, job, signal);
   if (job.state !== "queued" && job.state !== "running") return ended(page, job);
   return progress(page, job, signal);
 }
@@ -56,9 +57,17 @@ async function progress(page, job, signal) {
   }, (isLost) => { lost.hidden = !isLost; });
   if (signal.aborted) return;
   const last = await json(job.links.self);
-  announce(words.job.ended[last.state] ?? "");
-  if (last.state === "succeeded") await modelPage(page, last, signal);
+  announce(last.evaluation && last.state === "succeeded" ? words.job.evaluated : words.job.ended[last.state] ?? "");
+  if (last.state === "succeeded") await (last.evaluation ? evaluated(page, last) : modelPage(page, last, signal));
   else await ended(page, last);
+}
+
+/** An evaluation that has succeeded: its file. */
+async function evaluated(page, job) {
+  document.title = words.title(words.job.evaluation);
+  put(page, h("div", { class: "row between" }, h("h1", {}, words.job.evaluated),
+    h("div", { class: "row" }, h("a", { class: "button", href: `#/jobs/${job.evaluation.job}` }, words.job.itsModel), removal(job))),
+    await downloads(job, words.job.evaluation));
 }
 
 /** Failed or cancelled: why, and what to do. */
@@ -68,5 +77,7 @@ async function ended(page, job) {
   put(page, h("h1", {}, words.job.ended[job.state]),
     h("section", { class: "card", "aria-label": words.job.title },
       job.problem ? problem(job.problem) : h("p", {}, words.job.cancelledWhy),
-      h("div", { class: "row" }, h("a", { class: "button first", href: `#/ray-sets/${ids}` }, words.job.again), removal(job))));
+      h("div", { class: "row" }, job.evaluation
+        ? h("a", { class: "button first", href: `#/jobs/${job.evaluation.job}` }, words.job.itsModel)
+        : h("a", { class: "button first", href: `#/ray-sets/${ids}` }, words.job.again), removal(job))));
 }

@@ -204,6 +204,9 @@ export const words = {
     ended: { succeeded: "The model is ready.", failed: "The job failed", cancelled: "The job was cancelled" },
     cancelledWhy: "Nothing of it was kept. Its files are still here.",
     again: "Back to its files",
+    evaluation: "Evaluation of a model",
+    evaluated: "The evaluation is ready.",
+    itsModel: "Its model",
   },
 
   model: {
@@ -387,6 +390,9 @@ export const words = {
         ["ies/total.ies", "the whole source as an IES file: for lighting design"],
         ["ies/total.ldt", "the same as an EULUMDAT file"],
         ["ies/", "one zone as an IES or EULUMDAT file"],
+        ["total.tm33.xml", "the whole source by TM-33-23, with watts and spectra: for horticulture, ultraviolet, spectral design"],
+        ["source.gldf", "the surface with its zones as light-emitting objects: for DIALux and Relux"],
+        ["evaluation.", "the numbers that were asked for, each with the bound of its error"],
         ["spectra.csv", "spectra as numbers: for spreadsheets"],
         ["plots/", "a drawing"],
         ["report.json", "where every ray and every watt went, and all options"],

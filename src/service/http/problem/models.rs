@@ -9,7 +9,7 @@ impl Problem {
         let (status, title) = (StatusCode::UNPROCESSABLE_ENTITY, "The evaluation takes too long");
         let detail = "The evaluation was not done after 20 s, which is as long as an answer may take.";
         Problem::new(status, "evaluation.too_long", title, detail).remedy(
-            "Ask for fewer cells, fewer samples or a larger tolerance, or evaluate the model with the command lampwright evaluate.",
+            "Ask for fewer cells, fewer samples or a larger tolerance, or for a job (POST /v1/evaluations); or use the command lampwright evaluate.",
         )
     }
 
@@ -19,5 +19,11 @@ impl Problem {
         let detail = "The models were not combined after 20 s, which is as long as an answer may take.";
         Problem::new(status, "combination.too_long", title, detail)
             .remedy("Combine fewer models, or use the command lampwright combine.")
+    }
+    /// No files are made for this renderer.
+    pub fn no_renderer(name: &str) -> Problem {
+        let detail = format!("No files are made for {name:?}.");
+        Problem::new(StatusCode::NOT_FOUND, "adapter.not_found", "No such renderer", detail)
+            .remedy("Name one of blender, mitsuba, radiance.")
     }
 }

@@ -20,7 +20,7 @@ use std::io;
 use std::time::Duration;
 
 /// The schema, step by step: number, what it brought, its text. By hand, for `sqlx::migrate!` compiles all of sqlx a second time.
-const MIGRATIONS: [(i64, &str, &str); 13] = [
+const MIGRATIONS: [(i64, &str, &str); 14] = [
     (1, "first", include_str!("../migrations/0001_first.sql")),
     (2, "packed", include_str!("../migrations/0002_packed.sql")),
     (3, "channels", include_str!("../migrations/0003_channels.sql")),
@@ -34,6 +34,7 @@ const MIGRATIONS: [(i64, &str, &str); 13] = [
     (12, "metadata", include_str!("../migrations/0012_metadata.sql")),
     (13, "probe", include_str!("../migrations/0013_probe.sql")),
     (14, "owner", include_str!("../migrations/0014_owner.sql")),
+    (15, "evaluations", include_str!("../migrations/0015_evaluations.sql")),
 ];
 
 /// The dialect of SQLite. Its PRAGMAs are set per connection, because they do not belong to the file.
