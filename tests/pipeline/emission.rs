@@ -185,14 +185,17 @@ fn a_filament_in_a_beam_does_not_brighten_it() {
     }
     let outcome = of_text(text);
     let evaluator = Evaluator::new(&outcome.model, Quantity::Radiant).unwrap();
-    for height_mm in [40.0, 80.0, 160.0] {
-        let exact = 0.7 / (PI * 900.0) + 0.3 / (PI * height_mm * height_mm);
-        let at = |x: f64, y: f64| evaluator.irradiance(DVec3::new(x, y, height_mm), DVec3::NEG_Z);
-        // Within 1 mm the filament's part hardly changes.
-        let found = [(0.0, 0.0), (0.7, 0.0), (-0.7, 0.0), (0.0, 0.7), (0.0, -0.7)].map(|(x, y)| at(x, y));
-        let mean = found.iter().sum::<f64>() / found.len() as f64;
-        println!("{height_mm} mm above: {:+.3}", mean / exact - 1.0);
-        assert!((mean / exact - 1.0).abs() < 0.1, "{height_mm} mm above: {:+.3}", mean / exact - 1.0);
+    // Above the middle, and round it, where the beam is all that differs; the mean of eight places.
+    for (height_mm, aside_mm) in [(80.0, 0.7), (160.0, 0.7), (20.0, 4.0), (40.0, 4.0), (80.0, 4.0)] {
+        let square_mm2: f64 = height_mm * height_mm + aside_mm * aside_mm;
+        let exact = 0.7 / (PI * 900.0) + 0.3 / PI * (height_mm / square_mm2).powi(2);
+        let at = |place: usize| {
+            let (sin, cos) = (TAU * place as f64 / 8.0).sin_cos();
+            evaluator.irradiance(DVec3::new(aside_mm * cos, aside_mm * sin, height_mm), DVec3::NEG_Z)
+        };
+        let off = (0..8).map(at).sum::<f64>() / 8.0 / exact - 1.0;
+        println!("{height_mm} mm above, {aside_mm} mm aside: {off:+.3}");
+        assert!(off.abs() < 0.1, "{height_mm} mm above, {aside_mm} mm aside: {off:+.3}");
     }
 }
 
