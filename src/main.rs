@@ -56,10 +56,15 @@ enum Verb {
     Health(health::Arguments),
 }
 
+/// The words of the command line; what is no UTF-8 in one is replaced, for the library tells of it.
+fn words() -> impl Iterator<Item = String> {
+    std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned())
+}
+
 fn main() -> ExitCode {
     let unread = environment::unread(&CommandLine::command());
     let command = with_negative_numbers(environment::without_empty(CommandLine::command()));
-    if let Some(missing) = missing_value(&command, std::env::args().skip(1)) {
+    if let Some(missing) = missing_value(&command, words()) {
         missing.exit();
     }
     let read = CommandLine::from_arg_matches(&command.get_matches());

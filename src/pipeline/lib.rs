@@ -56,8 +56,8 @@ pub use combination::{Change, Component, MOST_MODELS, Strength, Turn};
 pub use convert::{Failed, Target};
 pub use error::{Error, Fault, Place};
 pub use evaluation::{
-    Camera, Form as EvaluationForm, Kind as LightKind, Plane, Request as EvaluationRequest, TOLERANCE, Vector, View,
-    Width,
+    Camera, Form as EvaluationForm, Kind as LightKind, MOST_NUMBERS, Plane, Request as EvaluationRequest, TOLERANCE,
+    Vector, View, Width,
 };
 pub use formats::packed::{Content, Member, Packing, left_out, no_ray_file, packing, unpack};
 pub use formats::record::{Bytes, Format};

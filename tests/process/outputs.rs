@@ -129,7 +129,7 @@ fn what_is_interrupted_leaves_nothing_and_what_was_killed_goes_with_the_next_run
     let before = names(folder.path());
     let [model, chip, new, out] = ["model", "chip.tm25ray", "new.tm25ray", "deep/out"].map(&at);
     let part = || names(folder.path()).iter().any(|name| name.ends_with(".part"));
-    let rays = ["rays", &model, "-n", "3e8", "-o", &new];
+    let rays = ["rays", &model, "-n", "6e7", "-o", &new];
     for (signal, code) in [("-INT", 130), ("-TERM", 143)] {
         assert_eq!(stop(&mut working(&rays, part), signal), (Some(code), None), "{signal}");
         assert_eq!(names(folder.path()), before, "{signal}");

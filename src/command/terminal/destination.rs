@@ -8,6 +8,7 @@ use pipeline::convert::Failed;
 use service::storage::space::Space;
 use std::fs;
 use std::fs::{File, OpenOptions};
+use std::io;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -18,6 +19,8 @@ const BEHIND: &str = ".part";
 /// A file to be written.
 pub struct NewFile {
     path: PathBuf,
+    /// What has its name may be replaced.
+    force: bool,
 }
 
 impl NewFile {
@@ -28,7 +31,7 @@ impl NewFile {
     pub fn at(path: &Path, force: bool) -> Result<NewFile, Failure> {
         let place = || path.display().to_string();
         let parent = folder_of(path);
-        match fs::metadata(path) {
+        match fs::symlink_metadata(path).and_then(|link| fs::metadata(path).or(Ok(link))) {
             Ok(found) if found.is_dir() => {
                 let found = "A folder has the name of the output file.";
                 return Err(Failure::usage("output.folder", found, "Name a file in it, or another one.").at(place()));
@@ -49,7 +52,7 @@ impl NewFile {
             let remedy = "Make the folder first, or name a file in another one.";
             return Err(Failure::usage("output.no_folder", found, remedy).at(place()));
         }
-        Ok(NewFile { path: path.to_owned() })
+        Ok(NewFile { path: path.to_owned(), force })
     }
 
     /// The same file, which will have so many bytes.
@@ -72,7 +75,7 @@ impl NewFile {
     pub fn write<T>(&self, fill: impl FnOnce(&mut File) -> Result<T, Failed>) -> Result<T, Failed> {
         let name = self.path.file_name().unwrap_or_default().to_string_lossy();
         sweep(folder_of(&self.path), &name);
-        let part = self.path.with_file_name(format!("{BEFORE}{name}.{}{BEHIND}", std::process::id()));
+        let part = self.path.with_file_name(format!("{BEFORE}{name}.{}.{}{BEHIND}", machine(), std::process::id()));
         let _begun = interruption::begin(&part);
         let mut file = OpenOptions::new().read(true).write(true).create_new(true).open(&part)?;
         // Whoever finds the part locked knows that it is being written; a disk without locks has none to find.
@@ -80,7 +83,7 @@ impl NewFile {
         let filled = || {
             let filled = fill(&mut file)?;
             file.sync_all()?;
-            fs::rename(&part, &self.path)?;
+            self.take_place(&part)?;
             Ok(filled)
         };
         let done = filled();
@@ -89,6 +92,18 @@ impl NewFile {
             let _ = fs::remove_file(&part);
         }
         done
+    }
+
+    /// Gives the whole file its name. What came there meanwhile is not replaced unasked, where the disk knows links.
+    fn take_place(&self, part: &Path) -> io::Result<()> {
+        if !self.force {
+            match fs::hard_link(part, &self.path) {
+                Ok(()) => return fs::remove_file(part),
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => return Err(error),
+                Err(_) => {}
+            }
+        }
+        fs::rename(part, &self.path)
     }
 
     /// Writes these bytes, as [`NewFile::write`].
@@ -117,15 +132,30 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
+/// Whether a process of this machine runs; one that has ended stays listed, as a zombie, until its parent hears of it.
+fn runs(process: u32) -> bool {
+    let Ok(stat) = fs::read_to_string(format!("/proc/{process}/stat")) else { return false };
+    !stat.rsplit_once(") ").is_some_and(|(_, state)| state.starts_with(['Z', 'X']))
+}
+
+/// The name of this machine or container, within which numbers of processes mean something.
+fn machine() -> String {
+    let name = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    name.trim().replace(|sign: char| !(sign.is_ascii_alphanumeric() || sign == '-'), "_")
+}
+
 /// Removes the parts of the file `name` that nobody writes any more: their processes were killed.
 fn sweep(folder: &Path, name: &str) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let part = entry.file_name();
         let part = part.to_string_lossy();
         let inner = part.strip_prefix(BEFORE).and_then(|part| part.strip_suffix(BEHIND));
-        let Some(process) = inner.and_then(|inner| inner.strip_prefix(name)?.strip_prefix('.')) else { continue };
+        let writer = inner.and_then(|inner| inner.strip_prefix(name)?.strip_prefix('.')?.rsplit_once('.'));
+        // Another machine's processes cannot be seen here; what is no file was not made by a verb.
+        let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
+        let Some((_, process)) = writer.filter(|(from, _)| is_file && *from == machine()) else { continue };
         // A process of this machine that still runs may just have made it.
-        let may_be_written = process.parse::<u32>().is_err() || Path::new("/proc").join(process).exists();
+        let may_be_written = process.parse().map_or(true, |number| number != std::process::id() && runs(number));
         let is_free = || File::open(entry.path()).is_ok_and(|file| file.try_lock().is_ok());
         if !may_be_written && is_free() {
             let _ = fs::remove_file(entry.path());
@@ -188,8 +218,11 @@ impl NewFolder {
     pub fn put(&mut self, name: &str, bytes: &[u8]) -> Result<(), Failure> {
         let path = self.folder.join(name);
         self.make_folder(folder_of(&path))?;
+        let disk = |error: io::Error| Failure::disk(&path, &error);
+        // Only what was not there before is taken away again.
+        let mut file = OpenOptions::new().write(true).create_new(true).open(&path).map_err(disk)?;
         self.begin(&path);
-        fs::write(&path, bytes).map_err(|error| Failure::disk(&path, &error))
+        file.write_all(bytes).map_err(disk)
     }
 
     /// All is written, and stays.
@@ -281,19 +314,23 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         // No process has the number, which is above the kernel's largest.
-        let [dead, held] = ["4194305", "4194306"].map(|process| at(&format!(".new.{process}.part")));
+        let part = |process: u32| at(&format!(".new.{}.{process}.part", machine()));
+        let [dead, held] = [4_194_305, 4_194_306].map(part);
+        // In a container every process has the same number.
+        let own = part(std::process::id());
         let kept = [
-            at(&format!(".new.{}.part", std::os::unix::process::parent_id())),
+            part(std::os::unix::process::parent_id()),
             at(".other.4194305.part"),
             at(".new.x.part"),
+            at(".new.elsewhere.4194305.part"),
         ];
-        for path in kept.iter().chain([&dead, &held]) {
+        for path in kept.iter().chain([&dead, &held, &own]) {
             fs::write(path, "part").unwrap();
         }
         let lock = File::open(&held).unwrap();
         lock.try_lock().unwrap();
         NewFile::at(&at("new"), false).unwrap().write_all(b"whole").unwrap();
-        assert!(!dead.exists() && held.exists() && kept.iter().all(|path| path.exists()));
+        assert!(!dead.exists() && !own.exists() && held.exists() && kept.iter().all(|path| path.exists()));
         assert_eq!(fs::read(at("new")).unwrap(), b"whole");
         drop(lock);
         NewFile::at(&at("new"), true).unwrap().write_all(b"again").unwrap();

@@ -62,9 +62,9 @@ fn listen(ready: &Sender<()>) {
         })
     });
     if let Some(code) = code {
-        for path in BEGUN.lock().unwrap_or_else(PoisonError::into_inner).iter().rev() {
-            take_away(path);
-        }
+        // Held to the end: the verb cannot begin another file meanwhile.
+        let begun = BEGUN.lock().unwrap_or_else(PoisonError::into_inner);
+        begun.iter().rev().for_each(|path| take_away(path));
         exit(code);
     }
 }

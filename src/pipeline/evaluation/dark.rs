@@ -10,7 +10,7 @@ use crate::vocabulary::notice::{Notice, Notices};
 ///
 /// # Errors
 /// As [`super::view::Camera::lens`].
-pub fn notices(light: &Light<'_>, view: &View, values: &[f64]) -> Result<Vec<Notice>, Error> {
+pub fn notices(light: &Light<'_>, view: &View, cells: usize, values: &[f64]) -> Result<Vec<Notice>, Error> {
     if values.iter().any(|value| *value > 0.0) {
         return Ok(Vec::new());
     }
@@ -30,7 +30,7 @@ pub fn notices(light: &Light<'_>, view: &View, values: &[f64]) -> Result<Vec<Not
         View::Grid { .. } | View::Directions(_) | View::Angles(_) => return Ok(Vec::new()),
     };
     let mut notices = Notices::default();
-    notices.count("evaluation.dark", values.len() as u64, None, told);
+    notices.count("evaluation.dark", cells as u64, None, told);
     Ok(notices.to_vec())
 }
 

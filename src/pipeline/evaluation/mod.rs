@@ -83,14 +83,21 @@ pub fn evaluate<'a>(
             "The model has {kept} places with {} numbers each, too many to be kept while they are evaluated here.",
             emission.channels()
         );
-        return Err(Error::refused("evaluation.too_large", found, fewer(request.most_numbers)));
+        let remedy = "Ask for one number a cell (luminous or radiant light), or use the command lampwright evaluate or a job (POST /v1/evaluations).";
+        return Err(Error::refused("evaluation.too_large", found, remedy));
     }
     watch.step(0.0)?;
     let raw = cells_of(&emission, request, columns * rows, watch)?;
-    let mut notices = dark::notices(&light, &request.view, &raw.values)?;
-    if let View::Plane(plane) = &request.view {
-        let (sheet, normal) = plane.sheet(&light.frame)?;
-        notices.extend(cut::notices(&light, &sheet, normal));
+    let mut notices = match &request.view {
+        View::Plane(plane) => {
+            let (sheet, normal) = plane.sheet(&light.frame)?;
+            cut::notices(&light, &sheet, normal)
+        }
+        _ => Vec::new(),
+    };
+    // What lies in the light is dark for a reason that is told already.
+    if notices.is_empty() {
+        notices = dark::notices(&light, &request.view, columns * rows, &raw.values)?;
     }
     Ok(Answer { notices, ..Answer::new(&emission, name, request, kind, raw)? })
 }

@@ -21,7 +21,7 @@ const NAMED: [(&[u8], &str); 4] = [
 /// How our tables begin: with the names of their columns.
 const TABLES: [(&[u8], &str); 2] = [
     (b"wavelength_nm,band_from_nm,band_to_nm,", "the spectra.csv of a model"),
-    (b"column,row,x_mm,", "an evaluation of a model"),
+    (b"column,row,", "an evaluation of a model"),
 ];
 
 /// What a file is that starts with `start`, where it is one of ours.

@@ -107,6 +107,7 @@ pub async fn queue(
     }
     timeout_in_range(&api, new.timeout_s)?;
     find(&api, &access, &new.job).await?;
+    api.queue.use_model(&access.tenant, &new.job).await?;
     let files = model_files(&api, &new.job).await?;
     let evaluation = JobEvaluation { job: new.job, evaluation: new.evaluation };
     let plan = plan_evaluation(&evaluation, &files)?;

@@ -2,7 +2,7 @@
 //! artifacts will follow from.
 
 use super::error::Error;
-use super::evaluation::{JobEvaluation, LightName, MOST_NUMBERS};
+use super::evaluation::{JobEvaluation, LightName, NewEvaluation};
 use super::query::StoredArtifact;
 use super::request::{Channel, NewJob, TotalFlux};
 use crate::failure::StoredNotice;
@@ -11,7 +11,7 @@ use crate::ray_sets::rows::LeftOut;
 use crate::ray_sets::{inspections, rows};
 use crate::storage::records::Records;
 use crate::{spectra, storage};
-use pipeline::{Claims, Declared};
+use pipeline::{Claims, Declared, MOST_NUMBERS};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -23,8 +23,8 @@ pub const PIPELINE: &str = env!("LAMPWRIGHT_PIPELINE");
 const BASE_BYTES: u64 = 64 << 20;
 const BYTES_PER_MODEL_BYTE: u64 = 8;
 const BYTES_PER_NUMBER: u64 = 128;
-/// Bands of a model, which a request does not tell: more are rare.
-const BANDS: u64 = 100;
+/// Bands of a model, which a request does not tell: an evaluation of more is refused when it would need more memory than was kept for it.
+const BANDS: usize = 512;
 
 /// What is known of a job before it is queued: its size, its need of memory and the digest of its content, from the headers of
 /// its files.
@@ -140,30 +140,38 @@ pub async fn plan(records: &Records, tenant: &str, new: &NewJob, threads: usize)
 /// # Errors
 /// [`Error::Unfit`] for a request that no model could answer, and above [`MOST_NUMBERS`].
 pub fn plan_evaluation(asked: &JobEvaluation, files: &[StoredArtifact; 2]) -> Result<JobPlan, Error> {
-    let request = asked.evaluation.clone().request(MOST_NUMBERS, usize::MAX)?;
-    request.check()?;
-    let [columns, rows] = request.view.shape()?;
-    let cells = columns.saturating_mul(rows);
-    if cells > MOST_NUMBERS {
-        let found = format!("The answer would have {cells} cells; a job computes at most {MOST_NUMBERS} numbers.");
-        return Err(pipeline::Error::refused("evaluation.too_large", found, "Ask for fewer cells.").into());
-    }
-    let channels = match asked.evaluation.light {
-        Some(LightName::Spectrum) => BANDS,
-        Some(LightName::Color) => 5,
-        Some(LightName::Luminous | LightName::Radiant) | None => 1,
-    };
-    let numbers = (cells as u64 * channels).min(MOST_NUMBERS as u64);
+    let numbers = planned_numbers(&asked.evaluation)?;
     let byte_count: u64 = files.iter().map(|file| file.byte_count).sum();
     let digests = files.each_ref().map(|file| file.sha256.as_str());
     let content = serde_json::to_vec(&("evaluation", PIPELINE, digests, asked)).map_err(unreadable)?;
     Ok(JobPlan {
         byte_count,
-        memory_bytes: BASE_BYTES + BYTES_PER_MODEL_BYTE * byte_count + BYTES_PER_NUMBER * numbers,
+        memory_bytes: BASE_BYTES + BYTES_PER_MODEL_BYTE * byte_count + BYTES_PER_NUMBER * numbers as u64,
         memory_threads: 1,
         content_sha256: Some(hex(&Sha256::digest(content))),
         ..JobPlan::default()
     })
+}
+
+/// Most numbers that a job computes for `asked`: those that its memory is kept for.
+///
+/// # Errors
+/// [`pipeline::Error`] for a request that no model could answer, and of more cells than [`MOST_NUMBERS`].
+pub fn planned_numbers(asked: &NewEvaluation) -> Result<usize, pipeline::Error> {
+    let request = asked.clone().request(MOST_NUMBERS, usize::MAX)?;
+    request.check()?;
+    let [columns, rows] = request.view.shape()?;
+    let cells = columns.saturating_mul(rows);
+    if cells > MOST_NUMBERS {
+        let found = format!("The answer would have {cells} cells; a job computes at most {MOST_NUMBERS} numbers.");
+        return Err(pipeline::Error::refused("evaluation.too_large", found, "Ask for fewer cells."));
+    }
+    let channels = match asked.light {
+        Some(LightName::Spectrum) => BANDS,
+        Some(LightName::Color) => 5,
+        Some(LightName::Luminous | LightName::Radiant) | None => 1,
+    };
+    Ok(cells.saturating_mul(channels).min(MOST_NUMBERS))
 }
 
 /// `several`: the channel is compared with others.

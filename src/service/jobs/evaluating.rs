@@ -1,6 +1,7 @@
 //! A claimed evaluation: what it needs from the stores, and its computation.
 
-use super::evaluation::{JobEvaluation, MOST_NUMBERS};
+use super::estimate::planned_numbers;
+use super::evaluation::JobEvaluation;
 use super::query;
 use super::queue::Claim;
 use crate::storage;
@@ -24,7 +25,7 @@ impl Evaluation {
         let JobEvaluation { job, evaluation } =
             serde_json::from_str(stored).map_err(|error| Error::Internal(format!("a stored evaluation: {error}")))?;
         let form = evaluation.format.form();
-        let request = evaluation.request(MOST_NUMBERS, usize::MAX)?;
+        let request = evaluation.clone().request(planned_numbers(&evaluation)?, usize::MAX)?;
         let gone = || {
             let found =
                 format!("The job {job}, whose model is to be evaluated, was deleted before the evaluation began.");
@@ -55,8 +56,16 @@ impl Evaluation {
     /// The model cannot be read, or cannot answer the request.
     pub fn run(&self, limits: &Limits, watch: &dyn Watch) -> Result<Artifact, Error> {
         let [emitter, goniograms] = &self.files;
-        let model = pipeline::read_model(emitter, goniograms, limits)?;
+        let model = pipeline::read_model(emitter, goniograms, limits).map_err(of_stored)?;
         pipeline::evaluate(&model, &self.request, self.form, watch)
+    }
+}
+
+/// A file that this service wrote and cannot read is its own fault.
+pub fn of_stored(error: Error) -> Error {
+    match error {
+        Error::Malformed(found) => Error::Internal(format!("a stored model cannot be read: {found:?}")),
+        other => other,
     }
 }
 

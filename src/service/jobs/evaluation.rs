@@ -8,8 +8,6 @@ use pipeline::{
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-/// Most numbers of the answer of a job: cells times channels.
-pub const MOST_NUMBERS: usize = 1 << 24;
 /// What is asked of a model.
 #[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]

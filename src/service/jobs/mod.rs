@@ -27,7 +27,7 @@ pub mod shares;
 /// Tells clients that their jobs change.
 pub mod watcher;
 /// Models that are evaluated.
-mod evaluating;
+pub mod evaluating;
 /// Takes jobs from the queue and computes them.
 pub mod worker;
 /// What can go wrong with a job.

@@ -277,7 +277,8 @@ pub async fn seconds_per_ray(records: &Records) -> Result<Option<f64>, Error> {
 /// The database did not answer.
 pub async fn stamps(records: &Records, ids: &[String]) -> Result<HashMap<String, Stamp>, Error> {
     let select = "SELECT jobs.id, state, attempt, stage, stage_progress, cancel_requested, priority, timeout_ms, started_ms, \
-                  finished_ms, evaluation, waiting.position FROM jobs LEFT JOIN \
+                  finished_ms, \
+                  CASE WHEN evaluation IS NULL THEN NULL ELSE '' END AS evaluation, waiting.position FROM jobs LEFT JOIN \
                   (SELECT id, ROW_NUMBER() OVER (PARTITION BY tenant ORDER BY priority, id) AS position \
                    FROM jobs WHERE state = 'queued') waiting \
                   ON waiting.id = jobs.id WHERE jobs.id IN ({texts of $1 texts})";

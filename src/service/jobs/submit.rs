@@ -77,6 +77,16 @@ const REUSE: &str = equal!(
 );
 
 impl Queue {
+    /// A job whose model is to be evaluated is used now: the time for which it is kept begins anew.
+    ///
+    /// # Errors
+    /// [`Error::Storage`].
+    pub async fn use_model(&self, tenant: &str, job: &str) -> Result<(), Error> {
+        let used = sql("UPDATE jobs SET used_ms = {now} WHERE tenant = $1 AND id = $2").bind(tenant).bind(job);
+        self.storage.records.write(used).await?;
+        Ok(())
+    }
+
     /// The job that an earlier request with this Idempotency-Key made, if there was one.
     ///
     /// # Errors

@@ -1,6 +1,7 @@
 //! Models of jobs changed, and several as one, while a client waits.
 
-use super::{Models, file, of_stored};
+use super::{Models, file};
+use crate::jobs::evaluating::of_stored;
 use crate::jobs::query::StoredArtifact;
 use crate::priority::compute;
 use crate::storage::blobs::Blobs;

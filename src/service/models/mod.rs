@@ -10,6 +10,7 @@ mod adapter;
 /// What is remembered of files that are made when they are asked for.
 mod remembered;
 
+use crate::jobs::evaluating::of_stored;
 use crate::jobs::query::StoredArtifact;
 use crate::priority::compute;
 use crate::storage::blobs::Blobs;
@@ -247,14 +248,6 @@ async fn file(blobs: &Blobs, file: &StoredArtifact) -> Result<Vec<u8>, Error> {
     pipeline::check_model_size(&file.name, file.byte_count)?;
     let read = blobs.read(&file.blob, 0..file.byte_count).await;
     Ok(read.map_err(|error| Error::Unreadable(io::Error::other(error)))?.to_vec())
-}
-
-/// A file that this service wrote and cannot read is its own fault.
-fn of_stored(error: Error) -> Error {
-    match error {
-        Error::Malformed(found) => Error::Internal(format!("a stored model cannot be read: {found:?}")),
-        other => other,
-    }
 }
 
 /// Draws and sends, block by block, until the client has all or is gone, or the service stops.

@@ -65,13 +65,12 @@ fn product(model: &Model, count: usize, title: &str, files: &[Artifact]) -> Resu
     xml.leaf("CreatedWithApplication", &[], &generator());
     xml.leaf("GldfCreationTimeCode", &[], &time_code(model));
     let contents: Vec<&[u8]> = files.iter().map(|file| file.bytes.as_slice()).collect();
-    xml.leaf("UniqueGldfId", &[], &identifier(&contents)?);
+    let id = identifier(&contents)?;
+    xml.leaf("UniqueGldfId", &[], &id);
     xml.close();
     definitions(&mut xml, count);
     xml.open("ProductDefinitions", &[]);
     xml.open("ProductMetaData", &[]);
-    let inputs: Vec<&[u8]> = model.origins.iter().map(|origin| origin.sha256.as_bytes()).collect();
-    let id = identifier(&inputs)?;
     xml.leaf("UniqueProductId", &[], &id);
     in_english(&mut xml, "ProductNumber", &id);
     in_english(&mut xml, "Name", title);
