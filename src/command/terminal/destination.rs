@@ -78,7 +78,7 @@ impl NewFile {
         let part = self.path.with_file_name(format!("{BEFORE}{name}.{}.{}{BEHIND}", machine(), std::process::id()));
         let _begun = interruption::begin(&part);
         let mut file = OpenOptions::new().read(true).write(true).create_new(true).open(&part)?;
-        // Whoever finds the part locked knows that it is being written; a disk without locks has none to find.
+        // Whoever finds the part locked knows that it is being written. Not every disk has locks: the process's number tells it too.
         let _ = file.try_lock();
         let filled = || {
             let filled = fill(&mut file)?;
