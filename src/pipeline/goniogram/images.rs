@@ -2,6 +2,7 @@
 //! same zones, and goes to all of these zones when all rays are counted.
 
 use super::sphere::SphereGrid;
+use crate::hull::Hull;
 use crate::hull::images::Images;
 use crate::vocabulary::space::Frame;
 use glam::{DMat3, DVec3};
@@ -39,6 +40,13 @@ impl Groups {
         zones.sort_unstable();
         Groups { of_vertex, zones: zones.into_iter().map(|(_, zones)| zones).collect() }
     }
+}
+
+/// How many images of a ray have its γ: those all round the axis of C.
+pub fn all_round(hull: &Hull, frame: &Frame) -> usize {
+    let nadir = frame.nadir.vector();
+    let stays = |map: &&DMat3| (**map * nadir).distance(nadir) < NEARLY;
+    hull.focal.as_ref().map_or(1, |grid| grid.maps().iter().filter(stays).count().max(1))
 }
 
 /// Cells of directions and their images by `maps` of directions in the source frame, `[number][cell]`; `None` where nodes do not lie at the

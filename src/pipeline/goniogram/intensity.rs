@@ -155,18 +155,20 @@ impl Grids {
     }
 
     /// The primary flux of the zones, smoothed: of outward `normals` of each zone's surface in the photometric frame, with weights that
-    /// sum to 1, and of a `family`. `ray`: what a typical ray carries.
+    /// sum to 1, and of a `family`. `ray`: what a typical ray carries to a cell, `images`: how many of its images do so all round.
     pub fn estimates(
         &self,
         zones: &[Measured],
         normals: &[Vec<(DVec3, f64)>],
         family: &[Ancestry],
         ray: &Flux,
+        images: usize,
     ) -> Estimates {
         let directions = Directions::new(&self.fine);
         let projected_sr = directions.projected_sr(normals);
         let counted: Vec<&[f64]> = zones.iter().map(|zone| zone.fine.primary()).collect();
-        directions.zones(&counted, &projected_sr, family, ray.primary())
+        let ray = ray.primary();
+        directions.zones(&counted, &projected_sr, family, [ray, ray * images as f64])
     }
 
     /// Every quantity smoothed, from the primary flux that is `refined` at each zone's own vertices, and handed to the zones of their

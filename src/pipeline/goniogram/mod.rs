@@ -198,8 +198,9 @@ impl Plan {
         let mut refined = Vec::new();
         let mut noise = None;
         if options.smooths() {
+            let images = images::all_round(hull, &zoning.frame);
             let estimates = |grids: &Grids, measured: &[Measured], zoning: &Zoning| {
-                grids.estimates(measured, &zoning.normals(hull, surface), &zoning.family, &surface.ray)
+                grids.estimates(measured, &zoning.normals(hull, surface), &zoning.family, &surface.ray, images)
             };
             let mut found = estimates(&grids, &measured, &zoning);
             watch.step(0.5)?;

@@ -2,7 +2,9 @@
 
 use super::ancestry::Ancestry;
 use super::sphere::SphereGrid;
-use crate::smoothing::{Caution, Counted, DIRECTIONS, Edge, Levels, Refined, Sharing, Trust, refine, refine_all};
+use crate::smoothing::{
+    Caution, Counted, DIRECTIONS, Edge, Levels, PLACES, Refined, Sharing, Trust, refine, refine_all,
+};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -81,7 +83,7 @@ impl<'a> Directions<'a> {
         let levels = Levels::new(&points, &vec![0; points.len()], &edges, spacing, Sharing::None, DIRECTIONS);
         let gammas: Vec<DVec3> = (0..=last).map(|k| DVec3::new(0.0, 0.0, k as f64 * dg)).collect();
         let steps: Vec<Edge> = (0..last as u32).map(|k| (k, k + 1, ((f64::from(k) + 0.5) * dg).sin())).collect();
-        let rings = Levels::new(&gammas, &vec![0; last + 1], &steps, dg, Sharing::None, DIRECTIONS);
+        let rings = Levels::new(&gammas, &vec![0; last + 1], &steps, dg, Sharing::None, PLACES);
         Directions { grid, levels, rings, solid_angles_sr: grid.cell_solid_angles_sr(), samples: samples(grid) }
     }
 
@@ -102,7 +104,7 @@ impl<'a> Directions<'a> {
     }
 
     /// `prior` with the distribution over γ that was counted, smoothed: what a source that is alike all round would send.
-    fn turned(&self, counted: &[f64], prior: &[f64], ray: f64) -> Refined {
+    fn turned(&self, counted: &[f64], prior: &[f64], ray: f64, caution: Caution) -> Refined {
         let last = self.grid.gamma_nodes() - 1;
         let mut ring_of_cell = vec![0; prior.len()];
         for (c, k) in (0..self.grid.c_planes()).flat_map(|c| (0..=last).map(move |k| (c, k))) {
@@ -115,7 +117,7 @@ impl<'a> Directions<'a> {
         };
         let expected = ring_sums(prior);
         let sums = ring_sums(counted);
-        let counted = Counted { trust: Trust::Own, ..Counted::new(&sums, &expected, ray, Caution::Smooth) };
+        let counted = Counted { trust: Trust::Own, ..Counted::new(&sums, &expected, ray, caution) };
         let refined = refine(&self.rings, &counted);
         let factor = |ring: usize| if expected[ring] > 0.0 { refined.amounts[ring] / expected[ring] } else { 0.0 };
         Refined {
@@ -126,7 +128,7 @@ impl<'a> Directions<'a> {
 
     /// Flux per cell of a source that sends equally into all directions, as far as `counted` does not say otherwise.
     pub fn even(&self, counted: &[f64], ray: f64) -> Refined {
-        self.estimate(counted, &self.turned(counted, &self.solid_angles_sr, ray), ray)
+        self.estimate(counted, &self.turned(counted, &self.solid_angles_sr, ray, Caution::Row), ray)
     }
 
     /// Flux per cell of a source whose cells counted `counted`, from the form `prior`.
@@ -155,8 +157,15 @@ impl<'a> Directions<'a> {
     }
 
     /// The primary flux of each zone per cell, smoothed: the whole source first, then zones of one kind together, then ever smaller groups
-    /// of them, then each. `counted` and `projected_sr` per zone.
-    pub fn zones(&self, counted: &[&[f64]], projected_sr: &[Vec<f64>], family: &[Ancestry], ray: f64) -> Estimates {
+    /// of them, then each. `counted` and `projected_sr` per zone; `ray`: what a typical ray brings to a cell, and with its images to a ring of
+    /// cells of one γ.
+    pub fn zones(
+        &self,
+        counted: &[&[f64]],
+        projected_sr: &[Vec<f64>],
+        family: &[Ancestry],
+        [ray, ray_of_ring]: [f64; 2],
+    ) -> Estimates {
         let own = |zone: usize| Light { counted: counted[zone].to_vec(), even: projected_sr[zone].clone() };
         let zones: Vec<Light> = (0..counted.len()).map(own).collect();
         let kind_count = Ancestry::kinds(family);
@@ -164,7 +173,8 @@ impl<'a> Directions<'a> {
         let groups: Vec<Light> =
             (0..kind_count).map(|kind| Light::sum(members(kind).map(|zone| &zones[zone]))).collect();
         let whole = Light::sum(groups.iter());
-        let refined = self.estimate(&whole.counted, &self.turned(&whole.counted, &whole.even, ray), ray);
+        let turned = self.turned(&whole.counted, &whole.even, ray_of_ring, Caution::Row);
+        let refined = self.estimate(&whole.counted, &turned, ray);
         let of_kinds = self.parted(&whole, &refined, &groups.iter().collect::<Vec<_>>(), ray);
         let mut all: Vec<Refined> = vec![Refined::default(); zones.len()];
         let mut even_kinds = Vec::new();
@@ -218,7 +228,7 @@ impl<'a> Directions<'a> {
                 refined.amounts[cell] * (part.even[cell] + grazing) / (whole.even[cell] + grazing)
             };
             let prior: Vec<f64> = (0..self.solid_angles_sr.len()).map(of).collect();
-            let mut turned = self.turned(&part.counted, &prior, ray);
+            let mut turned = self.turned(&part.counted, &prior, ray, Caution::Smooth);
             turned.variance.iter_mut().zip(&refined.variance).for_each(|(sum, more)| *sum += more);
             turned
         };
@@ -381,7 +391,7 @@ mod tests {
             ] {
                 let counted = count(exact, rays, 1);
                 let raw = error(&counted, exact, &solid_angles_sr);
-                let turned = directions.turned(&counted, prior, 1.0);
+                let turned = directions.turned(&counted, prior, 1.0, Caution::Row);
                 let even = Refined { amounts: prior.clone(), variance: vec![0.0; prior.len()] };
                 for from in [&even, &turned] {
                     let found = directions.estimate(&counted, from, 1.0);

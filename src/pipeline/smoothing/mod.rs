@@ -15,6 +15,8 @@ use rayon::prelude::*;
 /// How much more than expected noise must explain before a difference counts, where a scale shows nothing but noise: 1 follows noise where
 /// the true ratio is flat, 2 blurs.
 const CAUTION: f64 = 1.5;
+/// The same of a row of sites.
+const CAUTION_IN_A_ROW: f64 = 3.0;
 /// Signal on a scale, in parts of its noise, at which the caution is halfway from [`CAUTION`] to [`Caution::least`].
 const HALFWAY: f64 = 0.5;
 /// The variance of a scale is at least this part of what it was before what coarser scales took of it.
@@ -61,6 +63,8 @@ pub enum Caution {
     Smooth,
     /// Less: the field has edges, as surfaces and volumes have, and the light of their parts where it differs from that of the whole.
     Edges,
+    /// More: sites stand in one row, so that few are averaged and noise passes for a signal more often.
+    Row,
 }
 
 impl Caution {
@@ -68,6 +72,7 @@ impl Caution {
         match self {
             Caution::Smooth => CAUTION,
             Caution::Edges => 0.7,
+            Caution::Row => CAUTION_IN_A_ROW,
         }
     }
 }
@@ -193,7 +198,7 @@ fn cautions<const L: usize>(powers: &[[[f64; L]; 3]], wanted: [Caution; L]) -> [
         let (noise, seen) = (sum(0), sum(1));
         let signal = if noise > 0.0 { (seen / noise - 1.0).max(0.0) } else { 0.0 };
         let least = wanted[lane].least();
-        least + (CAUTION - least) / (1.0 + signal / HALFWAY)
+        least + (CAUTION.max(least) - least) / (1.0 + signal / HALFWAY)
     })
 }
 
