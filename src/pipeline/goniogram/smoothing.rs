@@ -405,6 +405,43 @@ mod tests {
         }
     }
 
+    /// A round beam with a flat top and a steep side, counted with eight images of each ray round the axis: images are no more rays, so what
+    /// is left of the profile's noise is less than the rays' own, which is √(cells / rays) for rings.
+    #[test]
+    fn images_are_no_more_rays_all_round() {
+        let grid = SphereGrid::new(72, 72);
+        let directions = Directions::new(&grid);
+        let planes = grid.c_planes();
+        let side = |gamma: f64| 1.0 / (1.0 + ((gamma.to_degrees() - 60.0) / 4.0).exp());
+        let beam: Vec<f64> = grid
+            .cell_nodes()
+            .iter()
+            .zip(&directions.solid_angles_sr)
+            .map(|((_, gamma), sr)| sr * side(*gamma))
+            .collect();
+        let rays = 100_000;
+        let counted = count(&beam, rays, 1);
+        let mut all_round = vec![0.0; counted.len()];
+        for (c, k) in (0..planes).flat_map(|c| (0..grid.gamma_nodes()).map(move |k| (c, k))) {
+            let images = (0..8).map(|image| counted[grid.cell_of_node((c + image * planes / 8) % planes, k)]);
+            all_round[grid.cell_of_node(c, k)] = images.sum::<f64>() / 8.0;
+        }
+        let profile = |cells: &[f64]| -> Vec<f64> {
+            (0..grid.gamma_nodes()).map(|k| (0..planes).map(|c| cells[grid.cell_of_node(c, k)]).sum()).collect()
+        };
+        let sr = profile(&directions.solid_angles_sr);
+        let exact = profile(&beam);
+        let raw = error(&profile(&counted), &exact, &sr);
+        let cosine = vec![directions.projected_sr(&[vec![(DVec3::NEG_Z, 1.0)]]).remove(0)];
+        let found = |ray_of_ring: f64| {
+            let found = directions.zones(&[&all_round], &cosine, &[Ancestry::whole(0)], [0.125, ray_of_ring]);
+            error(&profile(&found.whole.amounts), &exact, &sr) / raw
+        };
+        let (rightly, as_many_rays) = (found(1.0), found(0.125));
+        println!("of {raw:.4}, {rightly:.3} is left; taken for eight rays, {as_many_rays:.3}");
+        assert!(rightly < 0.7 && rightly < as_many_rays, "{rightly} of {raw} is left, {as_many_rays}");
+    }
+
     /// ∫ max(0, n · ω) dω = π whatever n, and the half of it that a square of the sphere holds for a normal in its border.
     #[test]
     fn projected_solid_angles_sum_to_pi() {
