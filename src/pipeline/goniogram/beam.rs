@@ -3,7 +3,7 @@
 use crate::inspection::beam::{Beam as Bundle, FARTHEST_DEG, NARROWEST_DEG, NODES_IN_BEAM};
 use crate::rays::direction_cube::DirectionCube;
 use glam::DVec3;
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// The part of the far field above half maximum.
 pub struct Beam {
@@ -61,21 +61,84 @@ const GROWTH: f64 = 1.12;
 const C_PLANES: (f64, f64) = (72.0, 180.0);
 const C_STEPS_IN_BEAM: f64 = 6.0;
 
-/// A beam too narrow for even steps of γ: its least and greatest full width at half maximum, and the angle of its axis from γ = 0.
+/// Belts round the axis narrower than this in γ, degrees, have nodes of their own; nodes in their width, and the farthest apart elsewhere, degrees.
+const BELT_DEG: f64 = 24.0;
+const NODES_IN_BELT: f64 = 10.0;
+const FARTHEST_FROM_BELT_DEG: f64 = 5.0;
+/// Part of the flux that a belt has at least.
+const FLUX_OF_BELT: f64 = 0.3;
+/// Width of the bins of γ in which belts are looked for, degrees, and the rays that three of them must hold to be bright.
+const BINS: usize = 180;
+const RAYS_OF_BRIGHT_BINS: f64 = 64.0;
+
+/// A beam too narrow for even steps of γ: its least and greatest full width at half maximum, and the angle of its axis from γ = 0. Or a belt
+/// all round the axis of C, which is narrow in γ.
 pub struct NarrowBeam {
     least_deg: f64,
     greatest_deg: f64,
     axis_deg: f64,
+    is_belt: bool,
+    /// Part of the nodes of γ that are lit.
+    lit: f64,
 }
 
 impl NarrowBeam {
     /// Of rays (unit directions and weights), most of them near the `brightest` direction; `None` where they are no narrow beam. γ = 0 at `nadir`.
     pub fn of(rays: &[(DVec3, f64)], brightest: DVec3, nadir: DVec3) -> Option<NarrowBeam> {
+        NarrowBeam::of_bundle(rays, brightest, nadir).or_else(|| NarrowBeam::belt(rays, nadir))
+    }
+
+    fn of_bundle(rays: &[(DVec3, f64)], brightest: DVec3, nadir: DVec3) -> Option<NarrowBeam> {
         let bundle = Bundle::of(rays, brightest).filter(|bundle| !bundle.wide)?;
         let (least_deg, greatest_deg) = bundle.gaussian_widths_deg();
         let axis_deg = nadir.cross(bundle.axis).length().atan2(nadir.dot(bundle.axis)).to_degrees();
-        let beam = NarrowBeam { least_deg, greatest_deg, axis_deg };
+        let beam = NarrowBeam { least_deg, greatest_deg, axis_deg, is_belt: false, lit: 1.0 };
         (beam.least_deg < NARROW_DEG).then_some(beam)
+    }
+
+    /// Light that goes all round at nearly one γ, as that of a lens which sends it to the sides.
+    fn belt(rays: &[(DVec3, f64)], nadir: DVec3) -> Option<NarrowBeam> {
+        let mut bins = [[0.0; 2]; BINS];
+        for (direction, weight) in rays {
+            let gamma = nadir.cross(*direction).length().atan2(nadir.dot(*direction));
+            let bin = &mut bins[((gamma / PI * BINS as f64) as usize).min(BINS - 1)];
+            *bin = [bin[0] + weight, bin[1] + 1.0];
+        }
+        let border = |bin: usize| (PI * bin as f64 / BINS as f64).cos();
+        // Means of three bins are less noisy; at the poles there is no belt.
+        let window = |bin: usize| {
+            let [flux, rays] = (0..2)
+                .map(|part| bins[bin - 1..=bin + 1].iter().map(|bin| bin[part]).sum())
+                .fold([0.0; 2], |[_, last], sum: f64| [last, sum]);
+            (flux / (border(bin - 1) - border(bin + 2)), rays)
+        };
+        let inner = 1..BINS - 1;
+        let bright = inner.clone().filter(|bin| window(*bin).1 >= RAYS_OF_BRIGHT_BINS);
+        let peak = bright.max_by(|a, b| window(*a).0.total_cmp(&window(*b).0))?;
+        let half = 0.5 * window(peak).0;
+        let first = (0..peak).rev().find(|bin| *bin == 0 || window(*bin).0 < half)? + 1;
+        let end = (peak + 1..BINS).find(|bin| *bin == BINS - 1 || window(*bin).0 < half)?;
+        let flux: f64 = bins[first..end].iter().map(|[flux, _]| flux).sum();
+        let total: f64 = bins.iter().map(|[flux, _]| flux).sum();
+        let of_bins = 180.0 / BINS as f64;
+        let width_deg = (end - first) as f64 * of_bins;
+        let is_belt = first > 1 && end < BINS - 1 && width_deg <= BELT_DEG && flux >= FLUX_OF_BELT * total;
+        let mut beam = NarrowBeam {
+            least_deg: width_deg,
+            greatest_deg: 360.0,
+            axis_deg: 0.5 * (first + end) as f64 * of_bins,
+            is_belt,
+            lit: 1.0,
+        };
+        let nodes = beam.nodes().0;
+        let is_lit = |gamma_deg: &&f64| bins[((**gamma_deg / of_bins) as usize).min(BINS - 1)][1] > 0.0;
+        beam.lit = nodes.iter().filter(is_lit).count() as f64 / nodes.len() as f64;
+        is_belt.then_some(beam)
+    }
+
+    /// Part of the nodes of γ that are lit.
+    pub fn lit(&self) -> f64 {
+        self.lit
     }
 
     /// A direction as it is counted: of a beam that is narrower than any grid, turned by a random angle that depends on the `seed` alone, so that the
@@ -93,9 +156,11 @@ impl NarrowBeam {
 
     /// Nodes of γ, degrees, close together in the beam, and how many C planes.
     pub fn nodes(&self) -> (Vec<f64>, usize) {
-        let close_deg = self.least_deg / NODES_IN_BEAM;
+        let (nodes_in_beam, farthest_deg) =
+            if self.is_belt { (NODES_IN_BELT, FARTHEST_FROM_BELT_DEG) } else { (NODES_IN_BEAM, FARTHEST_DEG) };
+        let close_deg = self.least_deg / nodes_in_beam;
         let from_pole_deg = self.axis_deg.min(180.0 - self.axis_deg);
-        let centred = from_pole_deg < 0.5 * self.least_deg;
+        let centred = !self.is_belt && from_pole_deg < 0.5 * self.least_deg;
         let pole_deg = if self.axis_deg < 90.0 { 0.0 } else { 180.0 };
         let middle_deg = if centred { pole_deg } else { (self.axis_deg * 1e6).round() / 1e6 };
         let reach_deg = CLOSE * self.least_deg;
@@ -104,7 +169,7 @@ impl NarrowBeam {
             let end = if sign > 0.0 { 180.0 } else { 0.0 };
             while sign * (end - at) > 1.5 * step {
                 if (at - middle_deg).abs() >= reach_deg {
-                    step = (step * GROWTH).min(FARTHEST_DEG);
+                    step = (step * GROWTH).min(farthest_deg);
                 }
                 at += sign * step;
                 // A millionth of a degree is what files hold.
@@ -122,9 +187,9 @@ impl NarrowBeam {
         }
         nodes.sort_unstable_by(f64::total_cmp);
         nodes.dedup();
-        let farthest_deg = if centred { 0.5 * self.greatest_deg } else { from_pole_deg };
-        let across_deg = farthest_deg.min(90.0).to_radians().sin() * 360.0;
-        let round = centred && self.greatest_deg < 1.3 * self.least_deg;
+        let reach_deg = if centred { 0.5 * self.greatest_deg } else { from_pole_deg };
+        let across_deg = reach_deg.min(90.0).to_radians().sin() * 360.0;
+        let round = self.is_belt || (centred && self.greatest_deg < 1.3 * self.least_deg);
         let (fewest, most) = C_PLANES;
         let wanted = if round { fewest } else { C_STEPS_IN_BEAM * across_deg / self.least_deg };
         (nodes, (wanted.clamp(fewest, most) / 12.0).ceil() as usize * 12)

@@ -149,8 +149,9 @@ impl Grids {
     pub fn most_narrow_zones(beam: &NarrowBeam, bands: usize) -> usize {
         let Grids { fine, spectral } = Grids::narrow(beam, 1_000_000, bands);
         let cells = |grid: &SphereGrid| (grid.gamma_nodes() * grid.c_planes()) as f64;
+        let bytes = LIT_BYTES * beam.lit() + DARK_BYTES * (1.0 - beam.lit());
         let (by_bytes, by_numbers) =
-            (MOST_BYTES / (LIT_BYTES * cells(&fine)), MOST_SPECTRAL_NUMBERS / (cells(&spectral) * bands.max(1) as f64));
+            (MOST_BYTES / (bytes * cells(&fine)), MOST_SPECTRAL_NUMBERS / (cells(&spectral) * bands.max(1) as f64));
         by_bytes.min(by_numbers) as usize
     }
 

@@ -1,4 +1,4 @@
-//! Which way the source looks: the axis nearest the direction of maximum intensity.
+//! Which way the source looks: the axis nearest the direction of maximum intensity, or that round which its light is a belt.
 
 use crate::error::Error;
 use crate::options::{GoniogramOptions, parallel};
@@ -6,10 +6,15 @@ use crate::rays::direction_cube::CUBE_CELLS;
 use crate::rays::direction_cube::DirectionCube;
 use crate::vocabulary::space::{Axis, Frame};
 
+/// A belt of light is no wider than this, degrees, and has this part of the flux at least.
+const BELT_DEG: f64 = 24.0;
+const FLUX_OF_BELT: f64 = 0.6;
+
 /// Intensities closer together than this many standard errors are not told apart.
 const SIGMAS: f64 = 4.0;
 
-/// The photometric frame: as asked, else looking along the axis whose face of the direction cube holds the highest intensity.
+/// The photometric frame: as asked, else looking along the axis whose face of the direction cube holds the highest intensity; of a lamp that
+/// sends its light all round in a narrow belt, along the axis of the belt, to the side that gets more.
 ///
 /// # Errors
 /// [`Error::Unusable`] when γ = 0 and C0 were asked for along one line.
@@ -30,11 +35,39 @@ fn brightest(directions: &DirectionCube) -> Axis {
         Axis::ALL.into_iter().enumerate().map(|(face, axis)| (axis, peak(directions, face))).collect();
     let highest = faces.iter().map(|(_, peak)| peak.low()).fold(0.0, f64::max);
     let rivals: Vec<&(Axis, Peak)> = faces.iter().filter(|(_, peak)| peak.high() >= highest).collect();
+    if let [a, b, c, d] = rivals.as_slice()
+        && let Some(axis) = axis_of_belt(directions, [a.0, b.0, c.0, d.0])
+    {
+        return axis;
+    }
     let fullest = rivals.iter().map(|(_, peak)| peak.flux * (1.0 - SIGMAS * peak.flux_error)).fold(0.0, f64::max);
     rivals
         .iter()
         .find(|(_, peak)| peak.flux * (1.0 + SIGMAS * peak.flux_error) >= fullest)
         .map_or(Axis::PosZ, |(axis, _)| *axis)
+}
+
+/// The axis round which the light is a narrow belt that crosses four faces of the cube, equally bright; `None` where it is no belt.
+fn axis_of_belt(directions: &DirectionCube, faces: [Axis; 4]) -> Option<Axis> {
+    let component = (0..3).find(|component| faces.iter().all(|face| face.component() != *component))?;
+    let poles = Axis::ALL.into_iter().filter(|axis| axis.component() == component);
+    let share = directions.hemispheres();
+    let hemisphere = |axis: &Axis| Axis::ALL.iter().position(|other| other == axis).map_or(0.0, |at| share[at]);
+    let axis = poles.rev().max_by(|a, b| hemisphere(a).total_cmp(&hemisphere(b)))?;
+    let gamma_deg = |cell: usize| DirectionCube::center(cell).dot(axis.vector()).acos().to_degrees();
+    let mut cells: Vec<(f64, f64)> =
+        directions.flux.iter().enumerate().map(|(cell, flux)| (gamma_deg(cell), *flux)).collect();
+    cells.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut sums, mut sum) = (vec![0.0], 0.0);
+    cells.iter().for_each(|(_, flux)| {
+        sum += flux;
+        sums.push(sum);
+    });
+    let in_belt = |first: usize| {
+        let end = cells.partition_point(|(gamma, _)| *gamma < cells[first].0 + BELT_DEG);
+        sums[end] - sums[first]
+    };
+    (0..cells.len()).any(|first| in_belt(first) >= FLUX_OF_BELT * sum).then_some(axis)
 }
 
 /// The highest mean intensity on a face and its flux, with relative standard errors.
