@@ -84,7 +84,7 @@ pub struct GoniogramOptions {
     /// The lattice of zones. Default: none where zones follow the surface; for paper, as many as the density of the rays allows, at
     /// most 16.
     pub zones: Option<Zones>,
-    /// The source axis that points to γ = 0. Default: the axis nearest to the direction of maximum intensity.
+    /// The source axis that points to γ = 0. Default: the axis nearest to the direction of maximum intensity, or that of a narrow belt of light.
     pub nadir_axis: Option<Axis>,
     /// The source axis that points to C0; must not be parallel to `nadir_axis`. Default: the next axis in cyclic order.
     pub c0_axis: Option<Axis>,

@@ -6,7 +6,7 @@ use pipeline::known_sources::{KnownSource, by_name, uniform};
 use pipeline::model::evaluation::{Evaluator, Quantity};
 use pipeline::model::sampling::Sampler;
 use pipeline::model::study::View;
-use pipeline::{Declared, Emission, Error, Input, LengthUnit, Limits, NoProgress, Options, Outcome, run};
+use pipeline::{Axis, Declared, Emission, Error, Input, LengthUnit, Limits, NoProgress, Options, Outcome, run};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use std::f64::consts::{PI, TAU};
@@ -278,6 +278,47 @@ fn narrow_beams_keep_their_peak_and_their_flux() {
                 "{width_deg} deg, tilted {tilt_deg}: {peak} of {exact}"
             );
         }
+    }
+}
+
+/// A lens that sends its light to the sides, a Gaussian of γ all round: the frame looks along its axis, and over γ the intensity is right within
+/// three standard errors of as many rays as stand in a cell of two degrees.
+#[test]
+fn a_belt_of_light_is_seen_from_its_axis() {
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let (middle, deviation) = (78f64.to_radians(), 6f64.to_radians());
+    let density = |gamma: f64| (-0.5 * ((gamma - middle) / deviation).powi(2)).exp();
+    let mut text = String::from("# x y z dx dy dz power_W\n");
+    let mut rays = 0;
+    while rays < BEAM_RAYS {
+        let [a, b, c, d, e] = [0; 5].map(|_| uniform(&mut random));
+        let gamma = middle + 4.0 * deviation * (2.0 * a - 1.0);
+        if b > density(gamma) * gamma.sin() {
+            continue;
+        }
+        rays += 1;
+        let (sin, cos) = (TAU * c).sin_cos();
+        let (side, along) = (TAU * c + 0.6 * (d - 0.5)).sin_cos();
+        let (x, y, z) = (gamma.sin() * along, gamma.sin() * side, gamma.cos());
+        text += &format!("{:.6} {:.6} {:.6} {x:.9} {y:.9} {z:.9} 1e-5\n", 3.0 * cos, 3.0 * sin, 2.0 * e);
+    }
+    let outcome = of_text(text);
+    let goniograms = &outcome.model.goniograms;
+    assert_eq!(goniograms.frame.nadir, Axis::PosZ);
+    let steps = 4000;
+    let sum: f64 = (0..steps).map(|k| (k as f64 + 0.5) * PI / steps as f64).map(|g| density(g) * g.sin()).sum();
+    let whole_sr = TAU * sum * PI / steps as f64;
+    let nodes = goniograms.total.radiant_w_per_sr.as_ref().unwrap();
+    let gammas = goniograms.grid.gamma_deg();
+    assert!(gammas.windows(2).filter(|pair| pair[1] - pair[0] < 2.0).count() > 10, "{gammas:?}");
+    for (k, gamma_deg) in gammas.iter().enumerate() {
+        let ring = nodes.chunks_exact(gammas.len()).map(|plane| plane[k]);
+        let found = ring.sum::<f64>() / goniograms.grid.c_planes() as f64;
+        let exact = density(gamma_deg.to_radians()) / whole_sr;
+        let cell_sr = TAU * gamma_deg.to_radians().sin() * 2f64.to_radians();
+        let error = (exact / (BEAM_RAYS as f64 * cell_sr.max(1e-3))).sqrt().max(0.005 / whole_sr);
+        println!("{gamma_deg} deg: {found:.5} of {exact:.5} W/sr, {:+.1} standard errors", (found - exact) / error);
+        assert!((found - exact).abs() < 3.0 * error, "{gamma_deg} deg: {found} of {exact} W/sr, {error}");
     }
 }
 

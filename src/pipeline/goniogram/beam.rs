@@ -67,7 +67,7 @@ const NODES_IN_BELT: f64 = 10.0;
 const FARTHEST_FROM_BELT_DEG: f64 = 5.0;
 /// Part of the flux that a belt has at least.
 const FLUX_OF_BELT: f64 = 0.3;
-/// Width of the bins of γ in which belts are looked for, degrees, and the rays that three of them must hold to be bright.
+/// Bins of γ in which belts are looked for, and the rays that three of them must hold to be bright.
 const BINS: usize = 180;
 const RAYS_OF_BRIGHT_BINS: f64 = 64.0;
 
@@ -107,13 +107,10 @@ impl NarrowBeam {
         let border = |bin: usize| (PI * bin as f64 / BINS as f64).cos();
         // Means of three bins are less noisy; at the poles there is no belt.
         let window = |bin: usize| {
-            let [flux, rays] = (0..2)
-                .map(|part| bins[bin - 1..=bin + 1].iter().map(|bin| bin[part]).sum())
-                .fold([0.0; 2], |[_, last], sum: f64| [last, sum]);
+            let [flux, rays] = [0, 1].map(|part| bins[bin - 1..=bin + 1].iter().map(|bin| bin[part]).sum::<f64>());
             (flux / (border(bin - 1) - border(bin + 2)), rays)
         };
-        let inner = 1..BINS - 1;
-        let bright = inner.clone().filter(|bin| window(*bin).1 >= RAYS_OF_BRIGHT_BINS);
+        let bright = (1..BINS - 1).filter(|bin| window(*bin).1 >= RAYS_OF_BRIGHT_BINS);
         let peak = bright.max_by(|a, b| window(*a).0.total_cmp(&window(*b).0))?;
         let half = 0.5 * window(peak).0;
         let first = (0..peak).rev().find(|bin| *bin == 0 || window(*bin).0 < half)? + 1;
@@ -187,8 +184,8 @@ impl NarrowBeam {
         }
         nodes.sort_unstable_by(f64::total_cmp);
         nodes.dedup();
-        let reach_deg = if centred { 0.5 * self.greatest_deg } else { from_pole_deg };
-        let across_deg = reach_deg.min(90.0).to_radians().sin() * 360.0;
+        let outermost_deg = if centred { 0.5 * self.greatest_deg } else { from_pole_deg };
+        let across_deg = outermost_deg.min(90.0).to_radians().sin() * 360.0;
         let round = self.is_belt || (centred && self.greatest_deg < 1.3 * self.least_deg);
         let (fewest, most) = C_PLANES;
         let wanted = if round { fewest } else { C_STEPS_IN_BEAM * across_deg / self.least_deg };

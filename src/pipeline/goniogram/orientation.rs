@@ -49,11 +49,12 @@ fn brightest(directions: &DirectionCube) -> Axis {
 
 /// The axis round which the light is a narrow belt that crosses four faces of the cube, equally bright; `None` where it is no belt.
 fn axis_of_belt(directions: &DirectionCube, faces: [Axis; 4]) -> Option<Axis> {
-    let component = (0..3).find(|component| faces.iter().all(|face| face.component() != *component))?;
-    let poles = Axis::ALL.into_iter().filter(|axis| axis.component() == component);
-    let share = directions.hemispheres();
-    let hemisphere = |axis: &Axis| Axis::ALL.iter().position(|other| other == axis).map_or(0.0, |at| share[at]);
-    let axis = poles.rev().max_by(|a, b| hemisphere(a).total_cmp(&hemisphere(b)))?;
+    let is_pole = |axis: &Axis| faces.iter().all(|face| face.component() != axis.component());
+    let mut poles = Axis::ALL.into_iter().zip(directions.hemispheres()).filter(|(axis, _)| is_pole(axis));
+    let ((plus, share), (minus, other)) = poles.next().zip(poles.next())?;
+    // Of two poles that cannot be told apart, the first.
+    let error = 1.0 / (directions.rays.iter().sum::<u64>() as f64).sqrt();
+    let axis = if other - share > SIGMAS * error { minus } else { plus };
     let gamma_deg = |cell: usize| DirectionCube::center(cell).dot(axis.vector()).acos().to_degrees();
     let mut cells: Vec<(f64, f64)> =
         directions.flux.iter().enumerate().map(|(cell, flux)| (gamma_deg(cell), *flux)).collect();
@@ -110,4 +111,37 @@ fn peak(directions: &DirectionCube, face: usize) -> Peak {
     best.flux = directions.flux[cells.clone()].iter().sum();
     best.flux_error = relative_error(directions.rays[cells].iter().sum());
     best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    /// Directions spread evenly over the sphere, each with a flux that its angle from `pole` gives.
+    fn all_round(pole: DVec3, flux: impl Fn(f64) -> f64) -> DirectionCube {
+        let mut cube = DirectionCube::dark();
+        let count = 200_000;
+        let (x, y) = pole.any_orthonormal_pair();
+        for k in 0..count {
+            let cosine = 1.0 - (2.0 * f64::from(k) + 1.0) / f64::from(count);
+            let (sin, cos) = (f64::from(k) * 2.399_963_229_728_653).sin_cos();
+            let direction = cosine * pole + (1.0 - cosine * cosine).sqrt() * (cos * x + sin * y);
+            cube.add(direction, flux(cosine.acos().to_degrees()));
+        }
+        cube
+    }
+
+    #[test]
+    fn a_belt_is_seen_from_its_axis_and_a_tube_from_its_side() {
+        let belt = |middle: f64| move |gamma: f64| (-0.5 * ((gamma - middle) / 8.0).powi(2)).exp();
+        for (pole, axis) in [(DVec3::Z, Axis::PosZ), (DVec3::NEG_X, Axis::NegX), (DVec3::Y, Axis::PosY)] {
+            assert_eq!(brightest(&all_round(pole, belt(80.0))), axis);
+        }
+        assert_eq!(brightest(&all_round(DVec3::Z, belt(90.0))), Axis::PosZ);
+        // The field of a Lambertian tube along z; and light that is equal everywhere.
+        let tube = brightest(&all_round(DVec3::Z, |gamma| gamma.to_radians().sin()));
+        assert!(tube.component() != 2, "{tube:?}");
+        assert_eq!(brightest(&all_round(DVec3::X, |_| 1.0)), Axis::PosZ);
+    }
 }
