@@ -33,6 +33,8 @@ enum Verb {
     /// be wrong.
     Inspect(inspect::Arguments),
     /// Write ray files as one file of IES TM-25, Zemax or LightTools binary; shuffled or thinned out where asked for.
+    ///
+    /// For example: lampwright convert lamp.tm25ray -o lamp.dat --take 1e6 --shuffle 7
     Convert(convert::Arguments),
     /// Draw new rays from a model, as many as are wanted, and write them as a ray file.
     Rays(rays::Arguments),
@@ -65,10 +67,15 @@ fn main() -> ExitCode {
     let unread = environment::unread(&CommandLine::command());
     let command = with_negative_numbers(environment::without_empty(CommandLine::command()));
     if let Some(missing) = missing_value(&command, words()) {
-        missing.exit();
+        return Failure::from(missing).report();
     }
-    let read = CommandLine::from_arg_matches(&command.get_matches());
-    let arguments = read.unwrap_or_else(|error| error.format(&mut CommandLine::command()).exit());
+    let read = command.try_get_matches().and_then(|found| CommandLine::from_arg_matches(&found));
+    let arguments = match read {
+        Ok(arguments) => arguments,
+        Err(error) if error.use_stderr() => return Failure::from(error.format(&mut CommandLine::command())).report(),
+        // Help and version, which were asked for.
+        Err(told) => told.exit(),
+    };
     let verb = arguments.verb.unwrap_or_else(|| Verb::Serve(Box::new(arguments.serve)));
     if !matches!(verb, Verb::Serve(_)) {
         unread.iter().for_each(|told| eprintln!("warning: {told}"));

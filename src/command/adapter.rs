@@ -31,7 +31,7 @@ pub struct Arguments {
 /// `mitsuba`.
 fn renderer(text: &str) -> Result<Renderer, String> {
     let found = Renderer::ALL.into_iter().find(|renderer| renderer.name() == text);
-    found.ok_or_else(|| "write one of blender mitsuba radiance".to_owned())
+    found.ok_or_else(|| format!("write one of {}", Renderer::ALL.map(Renderer::name).join(" ")))
 }
 
 /// `luminous`.

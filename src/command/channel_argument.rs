@@ -15,7 +15,7 @@ pub const HELP: &str = "\
 Ray files of one source, in one frame. What the file does not say, or says wrongly, follows it after commas:
   name=NAME        what the channel is called in the report
   length_unit=UNIT of its positions: mm um nm cm m in ft
-  quantity=Q       what the flux values are: radiant (W) or luminous (lm)
+  quantity=Q       what the flux values are: W (radiant) or lm (luminous)
   columns=A:B:..   what stands in each column of a text: x y z l m n flux radiant_flux luminous_flux
                    wavelength_nm wavelength_um tristimulus_x tristimulus_z ignored
   spectrum=FILE    spectrum of its light: two columns (nm or um, value), LightTools .sre, Zemax .spcd, Speos .spectrum, IES TM-27

@@ -45,6 +45,9 @@ pub struct Arguments {
     force: bool,
 }
 
+/// Bytes of a ray in all formats that are written: place, direction and flux, seven numbers; some have more.
+const LEAST_RAY_BYTES: u64 = 28;
+
 /// A format that is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum OutputFormat {
@@ -99,8 +102,15 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         take: arguments.take.map(|rays| Take { rays, seed: arguments.take_seed }),
         shuffle: arguments.shuffle,
     };
+    let file = file.of_size(least_bytes(&inputs, arguments.take))?;
     let converted = write(&inputs, &wanted, &file)?;
     output::print(summary(&inputs, &converted, format, path))
+}
+
+/// Bytes that the file has at least: of as many rays as the headers claim, where what is wrong is told later.
+fn least_bytes(inputs: &[Input], take: Option<u64>) -> u64 {
+    let claimed = |input| pipeline::header(input, &Limits::default()).map_or(0, |header| header.ray_count);
+    LEAST_RAY_BYTES.saturating_mul(take.unwrap_or_else(|| inputs.iter().map(claimed).sum()))
 }
 
 /// The format of a ray file to be written.
@@ -229,6 +239,17 @@ mod tests {
         run(&Arguments { force: true, ..asked(&lamp, &lamp) }).unwrap();
         assert!(fs::read(&lamp).unwrap() == whole);
         assert_eq!(names(folder.path()), ["damaged.tm25ray", "lamp.tm25ray", "out.dat"]);
+    }
+
+    #[test]
+    fn a_file_for_which_there_is_no_room_is_not_begun() {
+        let folder = tempfile::tempdir().unwrap();
+        let lamp = lamp(folder.path());
+        let input = channel_argument::channel(lamp.to_str().unwrap()).unwrap().open().unwrap();
+        assert_eq!(least_bytes(&[input], None), 28_000);
+        let most = Arguments { take: Some(u64::MAX), ..asked(&lamp, &folder.path().join("out.dat")) };
+        assert!(run(&most).unwrap_err().to_string().contains("output.no_space"));
+        assert_eq!(names(folder.path()), ["lamp.tm25ray"]);
     }
 
     /// Two files in one, half of their rays, in random order: each file's share of the total holds.

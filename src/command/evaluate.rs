@@ -64,8 +64,8 @@ struct Intensity {
     /// Step of gamma, degrees.
     #[arg(long, value_name = "DEG", default_value_t = View::GAMMA_STEP_DEG)]
     gamma_step: f64,
-    /// A direction in the axes of the source, instead of the grid; can be repeated.
-    #[arg(long, value_name = "X,Y,Z", value_parser = argument::vector, allow_hyphen_values = true, conflicts_with = "at")]
+    /// A direction in the axes of the source, as 0,0,1 or +Z, instead of the grid; can be repeated.
+    #[arg(long, value_name = "X,Y,Z", value_parser = argument::direction, allow_hyphen_values = true, conflicts_with = "at")]
     direction: Vec<Vector>,
     /// A pair of C and gamma in degrees, instead of the grid; can be repeated.
     #[arg(long, value_name = "C,GAMMA", value_parser = argument::pair, allow_hyphen_values = true)]
@@ -79,11 +79,11 @@ struct OnPlane {
     /// Middle of the rectangle, mm.
     #[arg(long, value_name = "X,Y,Z", value_parser = argument::vector, allow_hyphen_values = true)]
     center: Vector,
-    /// Normal towards the side that is lit, in the ray file's axes [default: across the model's gamma = 0, to the side of the source].
-    #[arg(long, value_name = "X,Y,Z", value_parser = argument::vector, allow_hyphen_values = true)]
+    /// Normal towards the side that is lit, in the ray file's axes, as 0,0,-1 or -Z [default: across the model's gamma = 0, to the side of the source].
+    #[arg(long, value_name = "X,Y,Z", value_parser = argument::direction, allow_hyphen_values = true)]
     normal: Option<Vector>,
     /// What is up in the picture [default: +Z, and +Y of a plane across Z].
-    #[arg(long, value_name = "X,Y,Z", value_parser = argument::vector, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", value_parser = argument::direction, allow_hyphen_values = true)]
     up: Option<Vector>,
     /// Width of the rectangle, mm.
     #[arg(long, value_name = "MM")]
@@ -113,7 +113,7 @@ struct Seen {
     #[arg(long, value_name = "X,Y,Z", value_parser = argument::vector, allow_hyphen_values = true, default_value = "0,0,0")]
     target: Vector,
     /// What is up in the picture [default: +Z, and +Y of a camera that looks along Z].
-    #[arg(long, value_name = "X,Y,Z", value_parser = argument::vector, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", value_parser = argument::direction, allow_hyphen_values = true)]
     up: Option<Vector>,
     /// Orthographic: width of the picture, mm.
     #[arg(long, value_name = "MM", conflicts_with = "field", required_unless_present = "field")]
@@ -295,7 +295,7 @@ mod tests {
         for file in ["e.csv", "e.tiff", "e.svg", "e.tif"] {
             told(
                 folder.path(),
-                &format!("FOLDER plane --center 0,0,1 --width 3 --height 2 --columns 6 -o FOLDER/{file}"),
+                &format!("FOLDER plane --center 0,0,1 --normal -Z --up +Y --width 3 --height 2 --columns 6e0 -o FOLDER/{file}"),
             )
             .unwrap();
             assert!(fs::metadata(at(file)).unwrap().len() > 100);
@@ -312,6 +312,7 @@ mod tests {
             ("FOLDER plane --center 0,0,1 --width 2 -o FOLDER/new.exr", "output.form"),
             ("FOLDER plane --center 0,0,1 --width 0 -o FOLDER/new.json", "evaluation.geometry"),
             ("FOLDER plane --center 0,0,1 --width 1 --tolerance 1 -o FOLDER/new.json", "evaluation.tolerance"),
+            ("FOLDER plane --center 0,0,1 --normal Q --width 1 -o FOLDER/new.json", "as +Z"),
             ("FOLDER plane --center 0,0 --width 1 -o FOLDER/new.json", "three numbers"),
             ("FOLDER camera --eye 0,0,9 -o FOLDER/new.json", "--width"),
             ("FOLDER camera --eye 0,0,9 --width 1 --field 2 -o FOLDER/new.json", "cannot be used with"),

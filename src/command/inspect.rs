@@ -11,6 +11,7 @@ use super::terminal::table::{Table, count, flux, number, triple};
 use clap::Args;
 use pipeline::{DRAWINGS, Header, Input, Inspection, Limits, Notice, Verdict};
 use service::telemetry::visible;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -39,8 +40,8 @@ pub const WRONG: u8 = 3;
 /// # Errors
 /// A file that cannot be read or is refused; the others in the same packed file are printed all the same. A drawing that is there already.
 pub fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let (mut failed, mut worst) = (None, Verdict::Ok);
-    for inspected in arguments.files.iter().flat_map(|file| each(arguments, file)) {
+    let (mut failed, mut worst, mut drawn) = (None, Verdict::Ok, BTreeSet::new());
+    for inspected in arguments.files.iter().flat_map(|file| each(arguments, file, &mut drawn)) {
         match inspected {
             Ok(verdict) => worst = worst.max(verdict),
             Err(new) => {
@@ -54,29 +55,43 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     failed.map_or(Ok(told), Err)
 }
 
-/// Inspects the ray files that `file` is or holds, one after another.
-fn each(arguments: &Arguments, file: &ChannelFile) -> Vec<Result<Verdict, Failure>> {
-    let all = || {
+/// Inspects the ray files that `file` is or holds, one after another; `drawn` are the names of drawings that others of this call have.
+fn each(arguments: &Arguments, file: &ChannelFile, drawn: &mut BTreeSet<String>) -> Vec<Result<Verdict, Failure>> {
+    let mut all = || {
         let found = file.find()?;
         for (name, error) in &found.left_out {
             eprintln!("left out {} ({}): {}", visible(name), error.code(), visible(error.found()));
         }
-        for name in found.names() {
+        let names: Vec<String> = found.names().map(|name| of_its_own(name, drawn)).collect();
+        for name in &names {
             drawings(arguments, name)?;
         }
-        Ok(file.open_all(&found)?.map(|input| one(arguments, &input?)).collect())
+        Ok(file.open_all(&found)?.zip(&names).map(|(input, name)| one(arguments, &input?, name)).collect())
     };
     all().unwrap_or_else(|failure| vec![Err(failure)])
 }
 
-fn one(arguments: &Arguments, input: &Input) -> Result<Verdict, Failure> {
+/// The name that the drawings of the ray file `name` begin with: numbered where another file of the same name was drawn before.
+fn of_its_own(name: &str, drawn: &mut BTreeSet<String>) -> String {
+    let plain = name.replace(['/', '\\'], "_");
+    let mut own = plain.clone();
+    for number in 2_u32.. {
+        if drawn.insert(own.clone()) {
+            break;
+        }
+        own = format!("{plain}.{number}");
+    }
+    own
+}
+
+fn one(arguments: &Arguments, input: &Input, name: &str) -> Result<Verdict, Failure> {
     let progress = Progress::start();
     let inspected = pipeline::inspect(input, &Limits::default(), &progress);
     progress.finish();
     let inspection = inspected.map_err(|error| Failure::from(error).at(&input.name))?;
     if let Some(folder) = &arguments.svg {
         make_folder(folder)?;
-        let files = drawings(arguments, &input.name)?;
+        let files = drawings(arguments, name)?;
         for (drawing, file) in pipeline::drawings(&inspection, &input.name).iter().zip(files) {
             file.write_all(&drawing.bytes)?;
         }
@@ -98,7 +113,7 @@ fn one(arguments: &Arguments, input: &Input) -> Result<Verdict, Failure> {
     Ok(inspection.verdict)
 }
 
-/// The drawings of the ray file `name`: several files of a packed one are drawn into one folder, which is made when there is a drawing.
+/// The drawings that begin with `name`: several files of a packed one are drawn into one folder, which is made when there is a drawing.
 ///
 /// # Errors
 /// One is there, and is not to be replaced.
@@ -108,7 +123,7 @@ fn drawings(arguments: &Arguments, name: &str) -> Result<Vec<NewFile>, Failure> 
     if !folder.exists() {
         return Ok(Vec::new());
     }
-    let path = |drawing: &str| folder.join(format!("{}.{drawing}", name.replace(['/', '\\'], "_")));
+    let path = |drawing: &str| folder.join(format!("{name}.{drawing}"));
     DRAWINGS.into_iter().map(|drawing| NewFile::at(&path(drawing), arguments.force)).collect()
 }
 

@@ -4,7 +4,6 @@ use super::channel_argument::{path_and_keys, spectrum, total};
 use super::rays::files;
 use super::terminal::argument;
 use super::terminal::failure::Failure;
-use pipeline::evaluation::Vector;
 use pipeline::{Change, Component, Strength, Turn};
 use std::path::PathBuf;
 
@@ -80,8 +79,7 @@ fn once<T>(place: &mut Option<T>, value: T, key: &str) -> Result<(), String> {
 fn turn(text: &str) -> Result<Turn, String> {
     let wrong = || "write a turn as +X:180, or with an axis of three numbers as 0:1:1:30".to_owned();
     let (axis, degrees) = text.rsplit_once(':').ok_or_else(wrong)?;
-    let named = argument::axis(axis).map(|axis| axis.vector());
-    let axis: Vector = named.or_else(|_| argument::vector(&axis.replace(':', ","))).map_err(|_| wrong())?;
+    let axis = argument::direction(&axis.replace(':', ",")).map_err(|_| wrong())?;
     Ok(Turn { axis, degrees: degrees.trim().parse().map_err(|_| wrong())? })
 }
 
@@ -96,6 +94,7 @@ pub fn model(text: &str) -> Result<ModelFile, String> {
 mod tests {
     use super::*;
     use pipeline::Total;
+    use pipeline::evaluation::Vector;
 
     #[test]
     fn everything_that_can_be_said_arrives() {

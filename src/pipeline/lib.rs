@@ -195,6 +195,28 @@ pub fn drawings(inspection: &Inspection, name: &str) -> Vec<Artifact> {
     inspection::drawings::artifacts(inspection, name)
 }
 
+/// Refuses a request that no model could answer, or whose answer has no such form.
+///
+/// # Errors
+/// [`Error::Unusable`].
+pub fn check_evaluation(request: &EvaluationRequest, form: EvaluationForm) -> Result<(), Error> {
+    request.check()?;
+    form.check(&request.view)
+}
+
+/// Refuses a request that `model` cannot answer; which light it is evaluated in.
+///
+/// # Errors
+/// As [`evaluate`].
+pub fn check_evaluation_of(
+    model: &StoredModel,
+    request: &EvaluationRequest,
+    form: EvaluationForm,
+) -> Result<LightKind, Error> {
+    form.check(&request.view)?;
+    evaluation::check(model, request)
+}
+
 /// Evaluates a model and writes the answer.
 ///
 /// # Errors

@@ -5,14 +5,12 @@ use axum::http::{Method, StatusCode};
 use pipeline::{LightKind, Limits, Renderer, adapt, read_model};
 use service::accounts::access::Scope;
 use std::io::{Cursor, Read as _};
-use support::runners::{model_files, prompt, prompt_with_a_model};
+use support::runners::model_files;
 use support::site::Site;
 
 /// A site with a job that has succeeded; the address of its adapters.
 async fn with_model() -> (Site, String) {
-    let site = Site::start(prompt_with_a_model()).await;
-    let job = site.job(&site.ray_set().await).await;
-    site.until_state(&job, "succeeded").await;
+    let (site, job) = Site::with_a_model().await;
     (site, format!("/v1/jobs/{job}/adapters"))
 }
 
@@ -86,10 +84,7 @@ async fn what_cannot_be_made_is_told() {
     let nobody = "/v1/jobs/0190b5a0-0000-7000-8000-000000000000/adapters/mitsuba";
     site.get(nobody).await.is_problem(404, "job.not_found");
     // A job without a model, as one that has not succeeded.
-    let other = Site::start(prompt()).await;
-    let job = other.job(&other.ray_set().await).await;
-    other.until_state(&job, "succeeded").await;
-    other.get(&format!("/v1/jobs/{job}/adapters/mitsuba")).await.is_problem(404, "artifact.not_found");
+    Site::is_no_model("adapters/mitsuba").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -7,18 +7,10 @@ use pipeline::{Limits, StoredModel};
 use serde_json::{Value, json};
 use service::accounts::access::Scope;
 use std::io::Cursor;
-use support::runners::{prompt, prompt_with_a_model};
+use support::runners::prompt;
 use support::site::Site;
 
 const ADDRESS: &str = "/v1/combinations";
-
-/// A site with a job that has succeeded, and the job. Its model is of a Lambertian chip of 1 W that looks along +Z, from few rays.
-async fn with_model() -> (Site, String) {
-    let site = Site::start(prompt_with_a_model()).await;
-    let job = site.job(&site.ray_set().await).await;
-    site.until_state(&job, "succeeded").await;
-    (site, job)
-}
 
 fn model_in(zip: &[u8]) -> StoredModel {
     let [emitter, goniograms] = unpack(Cursor::new(zip)).unwrap();
@@ -28,7 +20,7 @@ fn model_in(zip: &[u8]) -> StoredModel {
 /// Two chips back to back: 0.5 W up and 1 W down, so the intensity is F/π in both directions.
 #[tokio::test(flavor = "multi_thread")]
 async fn models_of_jobs_become_one() {
-    let (site, job) = with_model().await;
+    let (site, job) = Site::with_a_model().await;
     let asked = json!({"models": [
         {"job": job, "scale": 0.5, "name": "up"},
         {"job": job, "flux": {"radiant_w": 1.0}, "turns": [{"axis": [2, 0, 0], "degrees": 180}], "move_mm": [0, 0, -1]},
@@ -48,7 +40,7 @@ async fn models_of_jobs_become_one() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn what_cannot_be_combined_is_told() {
-    let (site, job) = with_model().await;
+    let (site, job) = Site::with_a_model().await;
     let with = |change: Value| {
         let mut model = json!({"job": job});
         model.as_object_mut().unwrap().extend(change.as_object().unwrap().clone());

@@ -6,17 +6,14 @@ use pipeline::{EvaluationForm, EvaluationRequest, Limits, NoProgress, View, eval
 use serde_json::{Value, json};
 use service::Config;
 use service::accounts::access::Scope;
-use support::runners::{Gate, held, model_files, prompt, prompt_with_a_model};
+use support::runners::{Gate, held, model_files, prompt};
 use support::site::Site;
 
 const ADDRESS: &str = "/v1/evaluations";
 
 /// A site with a job that has succeeded, and the job. Its model is of a Lambertian chip of 1 W, from few rays.
 async fn with_model() -> (Site, String) {
-    let site = Site::start_as(one_at_a_time, prompt_with_a_model()).await;
-    let job = site.job(&site.ray_set().await).await;
-    site.until_state(&job, "succeeded").await;
-    (site, job)
+    Site::with_a_model_as(one_at_a_time).await
 }
 
 fn one_at_a_time(config: Config) -> Config {
@@ -71,9 +68,24 @@ async fn a_job_gives_the_file_that_an_answer_at_once_would_be_and_larger_ones() 
     let model = read_model(emitter, goniograms, &Limits::default()).unwrap();
     let request = EvaluationRequest::of(View::Grid { c_step_deg: 0.25, gamma_step_deg: 0.5 });
     assert!(file.body == evaluate(&model, &request, EvaluationForm::Tiff, &NoProgress).unwrap().bytes);
-    // An evaluation is no model.
-    site.post(&format!("/v1/jobs/{id}/evaluations"), &small).await.is_problem(404, "artifact.not_found");
-    site.get(&format!("/v1/jobs/{id}/model.zip")).await.is_problem(404, "artifact.not_found");
+    assert_eq!(ended["options"], Value::Null, "it is built of nothing");
+    // An evaluation is no model, and says whose it is of.
+    let told = site.post(&format!("/v1/jobs/{id}/evaluations"), &small).await;
+    told.is_problem(404, "evaluation.no_model");
+    assert!(told.json()["remedy"].as_str().unwrap().contains(&job), "{told:?}");
+    for asked in ["rays?count=9", "adapters/blender", "model.zip", "artifacts/emitter.glb"] {
+        site.get(&format!("/v1/jobs/{id}/{asked}")).await.is_problem(404, "evaluation.no_model");
+    }
+    site.post(ADDRESS, &json!({ "job": id, "evaluation": small })).await.is_problem(404, "evaluation.no_model");
+    site.get(&format!("/v1/jobs/{id}/artifacts/evaluation.svg")).await.is_problem(404, "artifact.not_found");
+    // Lists tell them from models.
+    let listed = async |query: &str| {
+        let page = site.get(&format!("/v1/jobs?{query}")).await.json();
+        page["jobs"].as_array().unwrap().iter().map(|job| job["id"].clone()).collect::<Vec<Value>>()
+    };
+    assert_eq!(listed("evaluation=false").await, [json!(job)]);
+    assert_eq!(listed("evaluation=true&state=succeeded&limit=1").await, [json!(id)]);
+    assert_eq!((listed("evaluation=true").await.len(), listed("").await.len()), (2, 3));
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -90,18 +102,36 @@ async fn an_equal_evaluation_is_computed_once_and_a_key_makes_one_job() {
     let (made, repeated) = (keyed(&anew).await, keyed(&anew).await);
     assert!(made.id() != first.id() && repeated.id() == made.id());
     keyed(&json!({ "job": job, "evaluation": endless() }).to_string()).await.is_problem(422, "idempotency.key_reused");
-    // Another light is another evaluation.
-    let mut radiant = body.clone();
-    radiant["evaluation"]["light"] = json!("radiant");
-    assert_eq!(site.post(ADDRESS, &radiant).await.status, StatusCode::ACCEPTED);
+    // What is left out is as if its default were said, the light that the model knows included; views and numbers are compared, not words.
+    let grid = json!({"grid": {"c_step_deg": 15, "gamma_step_deg": 5.0}});
+    let in_full = json!({"view": grid, "light": "luminous", "tolerance": 0.001, "format": "json"});
+    let in_short = site.post(ADDRESS, &json!({ "job": job, "evaluation": {"view": {"grid": {}}} })).await;
+    let again = site.post(ADDRESS, &json!({ "job": job, "evaluation": in_full })).await;
+    assert_eq!((again.status, again.id()), (StatusCode::OK, in_short.id()));
+    // Another form is another evaluation.
+    let mut other = body.clone();
+    other["evaluation"]["format"] = json!("csv");
+    assert_eq!(site.post(ADDRESS, &other).await.status, StatusCode::ACCEPTED);
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn what_cannot_be_computed_is_told_at_once_or_by_the_job() {
     let (site, job) = with_model().await;
-    let plane = |columns: usize| json!({"center_mm": [0, 0, 1], "width_mm": 1, "columns": columns, "rows": 4097});
+    let plane = |rows: usize| json!({"center_mm": [0, 0, 1], "width_mm": 1, "columns": 4096, "rows": rows});
+    let aslant = json!({"center_mm": [0, 0, 1], "width_mm": 1, "up": [0, 0, 1]});
     for (evaluation, code) in [
-        (json!({"view": {"plane": plane(4096)}}), "evaluation.too_large"),
+        (json!({"view": {"plane": plane(4097)}}), "evaluation.geometry"),
+        (
+            json!({"view": {"grid": {"c_step_deg": 360.0 / 4096.0, "gamma_step_deg": 180.0 / 4096.0}}}),
+            "evaluation.too_large",
+        ),
+        (json!({"view": {"camera": {"eye_mm": [0, 0, 0], "width_mm": 1}}}), "evaluation.geometry"),
+        (json!({"view": {"camera": {"eye_mm": [0, 0, 9], "width_mm": 1, "samples": 17}}}), "evaluation.geometry"),
+        (json!({"view": {"directions": [[0, 0, 0]]}}), "evaluation.geometry"),
+        (json!({"view": {"angles": [[0, 0]]}, "format": "svg"}), "evaluation.no_picture"),
+        // What the model tells: its frame, and how many bands it has.
+        (json!({"view": {"plane": aslant}}), "evaluation.geometry"),
+        (json!({"view": {"plane": plane(4096)}, "light": "spectrum"}), "evaluation.too_large"),
         (json!({"view": {"angles": [[0, 0]]}, "tolerance": 1}), "evaluation.tolerance"),
         (json!({"view": {"directions": []}}), "evaluation.directions"),
         (json!({"view": {"camera": {"eye_mm": [0, 0, 9]}}}), "evaluation.geometry"),
@@ -113,11 +143,6 @@ async fn what_cannot_be_computed_is_told_at_once_or_by_the_job() {
     site.post(ADDRESS, &timed).await.is_problem(422, "request.out_of_range");
     let nobody = json!({ "job": "0190b5a0-0000-7000-8000-000000000000", "evaluation": large() });
     site.post(ADDRESS, &nobody).await.is_problem(404, "job.not_found");
-    // What only the model tells: the drawing of a list of directions is refused when it is written.
-    let id = queue(&site, &job, &json!({"view": {"angles": [[0, 0]]}, "format": "svg"})).await;
-    assert_eq!(site.until_state(&id, "failed").await["problem"]["code"], "evaluation.no_picture");
-    let id = queue(&site, &job, &json!({"view": {"plane": plane(4000)}, "light": "spectrum"})).await;
-    assert_eq!(site.until_state(&id, "failed").await["problem"]["code"], "evaluation.too_large");
 }
 
 #[tokio::test(flavor = "multi_thread")]

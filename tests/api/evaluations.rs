@@ -5,15 +5,12 @@ use serde_json::{Value, json};
 use service::accounts::access::Scope;
 use std::f64::consts::PI;
 use std::time::Duration;
-use support::runners::{prompt, prompt_with_a_model};
+use support::runners::prompt;
 use support::site::Site;
 
 /// A site with a job that has succeeded; the address of its evaluations. Its model is of a Lambertian chip of 1 W and 1 mm², from few rays.
 async fn with_model() -> (Site, String) {
-    let site = Site::start(prompt_with_a_model()).await;
-    let ray_set = site.ray_set().await;
-    let job = site.job(&ray_set).await;
-    site.until_state(&job, "succeeded").await;
+    let (site, job) = Site::with_a_model().await;
     (site, format!("/v1/jobs/{job}/evaluations"))
 }
 

@@ -7,15 +7,12 @@ use pipeline::convert::Target;
 use pipeline::{Limits, NewRays, NoProgress, RayRequest, read_model, write_new_rays};
 use service::accounts::access::Scope;
 use std::time::Duration;
-use support::runners::{model_files, prompt, prompt_with_a_model};
+use support::runners::model_files;
 use support::site::Site;
 
 /// A site with a job that has succeeded; the address of its rays.
 async fn with_model() -> (Site, String) {
-    let site = Site::start(prompt_with_a_model()).await;
-    let ray_set = site.ray_set().await;
-    let job = site.job(&ray_set).await;
-    site.until_state(&job, "succeeded").await;
+    let (site, job) = Site::with_a_model().await;
     (site, format!("/v1/jobs/{job}/rays"))
 }
 
@@ -99,10 +96,7 @@ async fn what_cannot_be_drawn_is_told() {
     }
     site.get("/v1/jobs/0190b5a0-0000-7000-8000-000000000000/rays?count=1").await.is_problem(404, "job.not_found");
     // A job without a model, as one that has not succeeded.
-    let other = Site::start(prompt()).await;
-    let job = other.job(&other.ray_set().await).await;
-    other.until_state(&job, "succeeded").await;
-    other.get(&format!("/v1/jobs/{job}/rays?count=1")).await.is_problem(404, "artifact.not_found");
+    Site::is_no_model("rays?count=1").await;
 }
 
 /// Ten million million bytes begin at once and end when nobody reads them any more; half of the eight places are one tenant's, and no more.

@@ -1,33 +1,7 @@
 //! What a person meets who uses a verb for the first time: nothing is overwritten or left behind, and messages speak of what was typed.
 
-use crate::server::lampwright;
+use crate::server::{lampwright, model, refused, says};
 use std::fs;
-use std::path::Path;
-use std::process::Output;
-
-/// A flat chip of 3000 rays and its model, in a folder of their own.
-fn model(folder: &Path) -> impl Fn(&str) -> String + '_ {
-    let at = move |name: &str| folder.join(name).to_str().unwrap().to_owned();
-    assert!(lampwright(&["sample", "flat-chip", "--rays", "3000", "-o", &at("chip.tm25ray")]).status.success());
-    assert!(lampwright(&["build", &at("chip.tm25ray"), "-o", &at("model")]).status.success());
-    at
-}
-
-/// What was told on stderr of a refusal.
-fn refused(arguments: &[&str]) -> String {
-    let Output { status, stderr, .. } = lampwright(arguments);
-    let told = String::from_utf8(stderr).unwrap();
-    assert!(matches!(status.code(), Some(1 | 2)), "{arguments:?}: {status}: {told}");
-    told
-}
-
-/// Each says all of these.
-#[track_caller]
-fn says(told: &str, parts: &[&str]) {
-    for part in parts {
-        assert!(told.contains(part), "{part:?} is not said: {told}");
-    }
-}
 
 #[test]
 fn a_known_source_replaces_a_file_only_where_it_may() {
@@ -104,11 +78,15 @@ fn results_in_the_place_of_rays_and_rays_in_the_place_of_a_model_are_told_by_wha
         says(&told, &["error detect.model\n", &format!("This is {what}, not a ray file."), verbs[0], verbs[1]]);
         assert!(told.lines().count() == 4, "{file}: {told}");
     }
-    for (file, what) in
-        [("ies/total.ies", "an IES photometric file"), ("ies/total.ldt", "an EULUMDAT photometric file")]
-    {
-        let file = at(&format!("model/{file}"));
-        says(&refused(&["inspect", &file]), &["detect.photometry", what]);
+    for (file, what) in [
+        ("ies/total.ies", "an IES photometric file"),
+        ("ies/total.ldt", "an EULUMDAT photometric file"),
+        ("total.tm33.xml", "an IES TM-33 photometric file"),
+        ("source.gldf", "a GLDF file"),
+    ] {
+        let (file, code) =
+            (at(&format!("model/{file}")), if what.contains("GLDF") { "detect.gldf" } else { "detect.photometry" });
+        says(&refused(&["inspect", &file]), &[code, what]);
         says(
             &refused(&["evaluate", &file, "intensity", "-o", &at("x.json")]),
             &["model.not_model", what, ", no model."],
@@ -133,6 +111,48 @@ fn results_in_the_place_of_rays_and_rays_in_the_place_of_a_model_are_told_by_wha
             says(&refused(line), &["error model.not_model\n", parts[0], parts[1], &file]);
         }
     }
+}
+
+/// What clap says of a line has a code as everything has, and help is no error.
+#[test]
+fn a_wrong_line_has_a_code() {
+    let help = "For more information, try '--help'.";
+    for (line, told) in [
+        (&["convert"][..], "--output <FILE>"),
+        (&["sample", "dome", "--seeds", "3"], "'--seed'"),
+        (&["evaluate", "m", "plane", "--center", "0,0,1", "--width", "2", "--columns", "many", "-o", "x.svg"], "1e2"),
+        (&["evaluate", "m", "plane", "--center", "0,0,1", "--width", "--up", "+Z", "-o", "x.svg"], "'--width <MM>'"),
+    ] {
+        says(&refused(line), &["error command.line\n  what   ", "\n  do     ", told, help]);
+    }
+    for line in [&["--help"][..], &["convert", "--help"], &["--version"]] {
+        let done = lampwright(line);
+        assert!(done.status.success() && !done.stdout.is_empty() && done.stderr.is_empty());
+    }
+    says(
+        &String::from_utf8(lampwright(&["convert", "--help"]).stdout).unwrap(),
+        &["lampwright convert lamp.tm25ray -o"],
+    );
+}
+
+/// Of a few rays nothing can be proven, and of rays that were drawn from a model there are more for the asking.
+#[test]
+fn a_model_of_a_few_rays_says_that_nothing_was_proven() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = model(folder.path());
+    let few = at("few.tm25ray");
+    assert!(lampwright(&["rays", &at("model"), "-n", "9", "-o", &few]).status.success());
+    says(&String::from_utf8(lampwright(&["inspect", &few]).stdout).unwrap(), &["Draw more rays of the model"]);
+    let built = lampwright(&["build", &few, "-o", &at("small")]);
+    assert!(built.status.success(), "{built:?}");
+    let told = "Nothing was proven";
+    says(&String::from_utf8(built.stdout).unwrap(), &["artifacts.not_verified", told]);
+    says(&fs::read_to_string(at("small/report.json")).unwrap(), &["artifacts.not_verified", told]);
+    says(&fs::read_to_string(at("small/README.txt")).unwrap(), &[told]);
+    assert!(lampwright(&["rays", &at("model"), "-n", "2e4", "-o", &at("more.tm25ray")]).status.success());
+    assert!(lampwright(&["build", &at("more.tm25ray"), "-o", &at("larger")]).status.success());
+    let whole = fs::read_to_string(at("larger/report.json")).unwrap();
+    assert!(!whole.contains("artifacts.not_verified"), "{whole}");
 }
 
 /// A script asks for the verdict by the exit code: 3 where it is wrong, with the whole table.

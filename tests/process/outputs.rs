@@ -1,6 +1,6 @@
 //! What a verb writes, where, and what is left when it is stopped.
 
-use crate::server::{command, lampwright};
+use crate::server::{command, lampwright, model, refused, says};
 use std::fs;
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
@@ -9,24 +9,6 @@ use std::time::{Duration, Instant};
 
 /// Longest wait for a process of these tests, on a machine busy with others.
 const PATIENCE: Duration = Duration::from_secs(240);
-
-/// A model of a flat chip of 3000 rays, in a folder.
-fn model(folder: &Path) -> impl Fn(&str) -> String + '_ {
-    let at = move |name: &str| folder.join(name).to_str().unwrap().to_owned();
-    assert!(lampwright(&["sample", "flat-chip", "-n", "3000", "-o", &at("chip.tm25ray")]).status.success());
-    assert!(lampwright(&["build", &at("chip.tm25ray"), "-o", &at("model")]).status.success());
-    at
-}
-
-#[track_caller]
-fn refused(arguments: &[&str], parts: &[&str]) {
-    let output = lampwright(arguments);
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert!(matches!(output.status.code(), Some(1 | 2)), "{arguments:?}: {told}");
-    for part in parts {
-        assert!(told.contains(part), "{part:?} is not said by {arguments:?}: {told}");
-    }
-}
 
 fn names(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> =
@@ -55,7 +37,7 @@ fn what_is_in_the_way_of_a_file_is_told_by_every_verb_that_writes_one() {
     ] {
         let to = |name: &str, parts: &[&str]| {
             let file = at(&format!("{name}.{extension}"));
-            refused(&[line, &["-o", &file]].concat(), &[parts, &[file.as_str()]].concat());
+            says(&refused(&[line, &["-o", &file]].concat()), &[parts, &[file.as_str()]].concat());
         };
         to("mine", &["error output.exists", "give --force"]);
         to("taken", &["error output.folder", "A folder has the name"]);
@@ -64,7 +46,7 @@ fn what_is_in_the_way_of_a_file_is_told_by_every_verb_that_writes_one() {
         assert_eq!(fs::read(at(&format!("mine.{extension}"))).unwrap(), b"precious");
     }
     for line in [&["build", &chip][..], &["combine", &model], &["adapter", "radiance", &model]] {
-        let to = |folder: &str, parts: &[&str]| refused(&[line, &["-o", &at(folder)]].concat(), parts);
+        let to = |folder: &str, parts: &[&str]| says(&refused(&[line, &["-o", &at(folder)]].concat()), parts);
         to("mine.dat", &["error output.file", "mine.dat is a file, no folder"]);
         to("mine.dat/new", &["error output.file", "mine.dat is a file, no folder"]);
         to("model", &["error output.not_empty"]);
@@ -81,11 +63,19 @@ fn drawings_are_not_replaced_unasked() {
     assert!(lampwright(&inspect).status.success());
     let origins = at("drawings/chip.tm25ray.origins.svg");
     fs::write(&origins, "edited").unwrap();
-    refused(&inspect, &["error output.exists", &origins, "give --force"]);
+    says(&refused(&inspect), &["error output.exists", &origins, "give --force"]);
     assert_eq!(fs::read(&origins).unwrap(), b"edited");
     assert!(lampwright(&[&inspect[..], &["--force"]].concat()).status.success());
     assert!(fs::read(&origins).unwrap().starts_with(b"<svg"));
-    refused(&["inspect", &chip, "--svg", &chip], &["error output.file"]);
+    says(&refused(&["inspect", &chip, "--svg", &chip]), &["error output.file"]);
+    // Two files of one name have drawings of their own.
+    fs::create_dir(at("other")).unwrap();
+    let other = at("other/chip.tm25ray");
+    assert!(lampwright(&["sample", "dome", "-n", "3000", "-o", &other]).status.success());
+    let both = at("both");
+    assert!(lampwright(&["inspect", &chip, &other, "--svg", &both]).status.success());
+    let drawn = |name: &str| fs::read(at(&format!("both/{name}.origins.svg"))).unwrap();
+    assert!(names(Path::new(&both)).len() == 4 && drawn("chip.tm25ray") != drawn("chip.tm25ray.2"));
 }
 
 #[test]
@@ -97,7 +87,10 @@ fn rays_for_which_there_is_no_room_are_refused_before_they_are_drawn() {
     // 32 bytes a ray with a wavelength, 28 without.
     for (line, size) in [(&["rays", &model][..], "32000.0 GB"), (&["sample", "flat-chip"], "28000.0 GB")] {
         let line = [line, &["-n", "1e12", "-o", &new]].concat();
-        refused(&line, &["error output.no_space", &format!("The file will have {size}"), "room for", "fewer rays"]);
+        says(
+            &refused(&line),
+            &["error output.no_space", &format!("The file will have {size}"), "room for", "fewer rays"],
+        );
     }
     assert!(began.elapsed() < PATIENCE, "{:?}", began.elapsed());
     assert!(!names(folder.path()).contains(&"new.tm25ray".to_owned()));

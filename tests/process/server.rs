@@ -32,6 +32,30 @@ pub fn lampwright(arguments: &[&str]) -> Output {
     command(arguments).output().unwrap()
 }
 
+/// A flat chip of 3000 rays and its model, in a folder of their own.
+pub fn model(folder: &Path) -> impl Fn(&str) -> String + '_ {
+    let at = move |name: &str| folder.join(name).to_str().unwrap().to_owned();
+    assert!(lampwright(&["sample", "flat-chip", "--rays", "3000", "-o", &at("chip.tm25ray")]).status.success());
+    assert!(lampwright(&["build", &at("chip.tm25ray"), "-o", &at("model")]).status.success());
+    at
+}
+
+/// What was told on stderr of a refusal.
+pub fn refused(arguments: &[&str]) -> String {
+    let Output { status, stderr, .. } = lampwright(arguments);
+    let told = String::from_utf8(stderr).unwrap();
+    assert!(matches!(status.code(), Some(1 | 2)), "{arguments:?}: {status}: {told}");
+    told
+}
+
+/// Each says all of these.
+#[track_caller]
+pub fn says(told: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(told.contains(part), "{part:?} is not said: {told}");
+    }
+}
+
 /// How many files there are under a folder.
 pub fn files_under(folder: &Path) -> usize {
     let entries = std::fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));

@@ -3,6 +3,7 @@
 
 use crate::engines;
 use crate::engines::Engines;
+use crate::runners::{prompt, prompt_with_a_model};
 use axum::Router;
 use axum::body::Body;
 use axum::http::{HeaderMap, Method, Request, Response, StatusCode};
@@ -292,6 +293,27 @@ impl Site {
         let reply = self.upload(crate::rays::zemax(10)).await;
         assert_eq!(reply.status, StatusCode::CREATED, "{reply:?}");
         reply.id()
+    }
+
+    /// A site with a job that has succeeded, and the job: its model is that of [`prompt_with_a_model`].
+    pub async fn with_a_model() -> (Site, String) {
+        Site::with_a_model_as(|config| config).await
+    }
+
+    /// The same with another configuration.
+    pub async fn with_a_model_as(change: impl Fn(Config) -> Config) -> (Site, String) {
+        let site = Site::start_as(change, prompt_with_a_model()).await;
+        let job = site.job(&site.ray_set().await).await;
+        site.until_state(&job, "succeeded").await;
+        (site, job)
+    }
+
+    /// What only a model has is asked at `under` of a job that has none, as one that has not succeeded.
+    pub async fn is_no_model(under: &str) {
+        let site = Site::start(prompt()).await;
+        let job = site.job(&site.ray_set().await).await;
+        site.until_state(&job, "succeeded").await;
+        site.get(&format!("/v1/jobs/{job}/{under}")).await.is_problem(404, "artifact.not_found");
     }
 
     /// Queues a job of its own, whether or not there is an equal one; its id.

@@ -149,6 +149,13 @@ pub fn vector(text: &str) -> Result<Vector, String> {
     numbers::<3>(text).map(Vector::from_array).ok_or_else(|| "write three numbers, as 0,0,1.5".to_owned())
 }
 
+/// A direction: `+Z`, or three numbers.
+pub fn direction(text: &str) -> Result<Vector, String> {
+    let named = Axis::parse(text.trim()).map(Axis::vector);
+    let direction = named.ok_or(()).or_else(|()| vector(text));
+    direction.map_err(|_| "write an axis, as +Z, or three numbers, as 0,0,1".to_owned())
+}
+
 /// `90,45`: two numbers.
 pub fn pair(text: &str) -> Result<[f64; 2], String> {
     numbers::<2>(text).ok_or_else(|| "write two numbers, as 90,45".to_owned())
@@ -178,6 +185,19 @@ mod tests {
         ] {
             assert_eq!(place(&found), expected);
         }
+    }
+
+    #[test]
+    fn directions_are_axes_or_numbers() {
+        for (text, expected) in [("+Z", Vector::Z), ("-X", Vector::NEG_X), ("0, 1,-0.5", Vector::new(0.0, 1.0, -0.5))] {
+            assert_eq!(direction(text), Ok(expected), "{text}");
+        }
+        assert!(
+            ["", "Q", "+Z,1", "1,2"]
+                .iter()
+                .all(|text| direction(text).is_err_and(|told| told.contains("three numbers")))
+        );
+        assert!(vector("+Z").is_err(), "a place is no direction");
     }
 
     #[test]

@@ -99,6 +99,16 @@ impl std::fmt::Display for Failure {
     }
 }
 
+impl From<clap::Error> for Failure {
+    /// A flag or a value is missing, is not known, or does not go with another.
+    fn from(error: clap::Error) -> Failure {
+        let text = error.to_string();
+        let one_line = |paragraph: &str| paragraph.split_whitespace().collect::<Vec<_>>().join(" ");
+        let (found, rest) = text.split_once("\n\n").unwrap_or((&text, ""));
+        Failure::usage("command.line", one_line(found.trim_start_matches("error: ")), one_line(rest))
+    }
+}
+
 impl From<Error> for Failure {
     fn from(error: Error) -> Failure {
         let code = error.code().to_owned();
@@ -133,6 +143,18 @@ mod tests {
             failure.to_string(),
             "error tm25.magic\n  what   The first bytes are not TM25.\n  where  lamp.ray, byte 0\n  do     Is it a ray file?"
         );
+    }
+
+    #[test]
+    fn a_wrong_line_has_a_code_and_stands_on_three_lines() {
+        let command = clap::Command::new("lampwright").arg(clap::Arg::new("columns").long("columns"));
+        let failure = Failure::from(command.try_get_matches_from(["lampwright", "--colums", "3"]).unwrap_err());
+        let told = failure.to_string();
+        assert!(
+            failure.exit == 2
+                && told.starts_with("error command.line\n  what   unexpected argument '--colums' found\n  do     ")
+        );
+        assert!(told.lines().count() == 3 && told.contains("'--columns'") && told.contains("--help"), "{told}");
     }
 
     #[test]

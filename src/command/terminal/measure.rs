@@ -47,12 +47,14 @@ pub fn number(text: &str) -> Result<f64, String> {
     text.trim().parse().map_err(|_| "write a number, as 2.5 or 1e-3, without a unit".to_owned())
 }
 
-/// A whole number, 0 or more.
+/// A whole number, 0 or more: `64`, `1e2`.
 ///
 /// # Errors
-/// It is none.
-pub fn whole<T: FromStr>(text: &str) -> Result<T, String> {
-    text.trim().parse().map_err(|_| "write a whole number, as 64".to_owned())
+/// It is none, or too large.
+pub fn whole<T: FromStr + TryFrom<u64>>(text: &str) -> Result<T, String> {
+    let plain = text.trim().parse().ok();
+    let power = || pipeline::count(text.trim()).and_then(|count| T::try_from(count).ok());
+    plain.or_else(power).ok_or_else(|| "write a whole number, as 64 or 1e2".to_owned())
 }
 
 /// A number of rays: `1000000`, `1e6`, `2.5e8`.
@@ -174,7 +176,10 @@ mod tests {
     fn what_is_no_number_is_told_in_plain_words() {
         assert_eq!((number("-1e-3"), whole::<u64>(" 64 ")), (Ok(-1e-3), Ok(64)));
         assert!(number("20cm").is_err_and(|told| told.contains("without a unit")));
-        assert!(["", "-1", "1e3", "1.5"].iter().all(|text| whole::<usize>(text).is_err()));
+        assert_eq!((whole::<usize>("1e2"), whole::<u8>("1e2")), (Ok(100), Ok(100)));
+        assert!(
+            ["", "-1", "1e-3", "1.5"].iter().all(|text| whole::<usize>(text).is_err()) && whole::<u8>("1e3").is_err()
+        );
     }
 
     #[test]

@@ -94,6 +94,17 @@ pub fn notices(model: &Model) -> Notices {
         notices
             .add("artifacts.no_spectra", "No vertex spectra and no spectra.csv: the spectrum of the rays is unknown.");
     }
+    let is_proven = model.study.as_ref().is_some_and(|study| !study.figures.is_empty());
+    if !is_proven && model.ancestors.is_empty() {
+        let rays: u64 = model.origins.iter().map(|origin| origin.rays_used).sum();
+        notices.add(
+            "artifacts.not_verified",
+            format!(
+                "Nothing was proven: of {rays} rays that can be used none were compared with a model made of the others, so nothing tells how far \
+                 the model is from the lamp. Take a ray file with more rays."
+            ),
+        );
+    }
     if tm33::leaves_out_spectra(model) {
         notices.add(
             "artifacts.no_angular_spectrum",
@@ -230,7 +241,8 @@ mod tests {
             "report.json",
         ];
         assert_eq!(names(&all), expected);
-        assert_eq!(json_of(&all, report::NAME)["notices"].as_array().unwrap().len(), 0);
+        let told = &json_of(&all, report::NAME)["notices"];
+        assert_eq!((told.as_array().unwrap().len(), &told[0]["code"]), (1, &"artifacts.not_verified".into()));
         let radiant = written(&radiant_only());
         assert!(names(&radiant).iter().all(|name| {
             !name.starts_with("ies/") && !["spectra.csv", "total.tm33.xml", "source.gldf"].contains(name)
@@ -238,7 +250,7 @@ mod tests {
         let report = json_of(&radiant, report::NAME);
         let codes: Vec<&str> =
             report["notices"].as_array().unwrap().iter().map(|notice| notice["code"].as_str().unwrap()).collect();
-        assert_eq!(codes, ["artifacts.no_ies", "artifacts.no_spectra"]);
+        assert_eq!(codes, ["artifacts.no_ies", "artifacts.no_spectra", "artifacts.not_verified"]);
         assert_eq!(report["flux"]["luminous_lm"], Value::Null);
     }
 

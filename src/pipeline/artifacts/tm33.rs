@@ -69,14 +69,13 @@ fn luminous(xml: &mut Xml, model: &Model) {
     let total = &model.goniograms.total;
     let Some(candela) = total.luminous_cd.as_ref().filter(|_| model.is_visible()) else { return };
     xml.open("LuminousData", &[]);
-    xml.open("LuminousIntensity", &[]);
-    xml.leaf("AbsolutePhotometry", &[], "true");
-    intensities(xml, &model.goniograms.grid, candela, None);
-    xml.close();
-    if let Some(lumens) = total.flux.luminous_lm {
-        xml.leaf("LuminousFlux", &[], &decimal(lumens));
-    }
-    xml.close();
+    photometry(
+        xml,
+        model,
+        ["LuminousIntensity", "AbsolutePhotometry"],
+        candela,
+        ("LuminousFlux", total.flux.luminous_lm),
+    );
 }
 
 fn radiant(xml: &mut Xml, model: &Model) {
@@ -85,12 +84,23 @@ fn radiant(xml: &mut Xml, model: &Model) {
     xml.open("RadiantData", &[]);
     xml.leaf("MinWavelength", &[], &plain(*from, 6));
     xml.leaf("MaxWavelength", &[], &plain(*to, 6));
-    xml.open("RadiantIntensity", &[]);
-    xml.leaf("Absolute", &[], "true");
-    intensities(xml, &model.goniograms.grid, watts_per_sr, None);
+    photometry(xml, model, ["RadiantIntensity", "Absolute"], watts_per_sr, ("RadiantFlux", total.flux.radiant_w));
+}
+
+/// Intensities, which are absolute, and the flux, in the element that is open; closes it.
+fn photometry(
+    xml: &mut Xml,
+    model: &Model,
+    names: [&'static str; 2],
+    values: &[f64],
+    flux: (&'static str, Option<f64>),
+) {
+    xml.open(names[0], &[]);
+    xml.leaf(names[1], &[], "true");
+    intensities(xml, &model.goniograms.grid, values, None);
     xml.close();
-    if let Some(watts) = total.flux.radiant_w {
-        xml.leaf("RadiantFlux", &[], &decimal(watts));
+    if let (name, Some(flux)) = flux {
+        xml.leaf(name, &[], &decimal(flux));
     }
     xml.close();
 }

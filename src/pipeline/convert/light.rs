@@ -8,6 +8,7 @@ use crate::source::{Channel, Source};
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::spectrum::{Table, wider};
 use crate::vocabulary::units::Flux;
+use crate::writing::number;
 
 /// What to do where another format cannot hold a spectrum per ray.
 pub const TO_TM25: &str = "Convert to TM-25, which holds it.";
@@ -114,12 +115,17 @@ impl<'a> Light<'a> {
 
     /// Tells of W beside lm, where a file of `format` holds one flux.
     pub fn tell_luminous(&self, format: &str, notices: &mut Notices) {
-        if self.has_radiant && self.has_luminous {
-            let why = match self.spectral {
-                SpectralData::Wavelength => "lm follow from W and the wavelength",
-                _ => "W were written",
-            };
-            let told = format!("Rays of a {format} file have one flux: {why}, and the lm of the file were left out.");
+        let by_wavelength = match &self.spectral {
+            SpectralData::Table(table) => line_nm(table).is_some(),
+            spectral => matches!(spectral, SpectralData::Wavelength),
+        };
+        // Lumens that follow from the wavelengths are not lost; those that follow from a spectrum are, as the spectrum is.
+        let lumens = self.flux.luminous_lm.filter(|_| self.has_luminous || !by_wavelength);
+        if let (true, Some(lumens)) = (self.has_radiant, lumens) {
+            let why = if by_wavelength { "lm follow from W and the wavelength" } else { "W were written" };
+            let lumens = number::text(lumens, 5);
+            let told =
+                format!("Rays of a {format} file have one flux: {why}, and the lm, {lumens} in all, were left out.");
             notices.add("convert.luminous_left_out", told);
         }
     }

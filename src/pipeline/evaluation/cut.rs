@@ -1,15 +1,17 @@
 //! A plane that lies in the light: where it cuts through the surface or the volume that sends it, irradiance has two values.
 
-use super::view::Sheet;
+use super::view::{Sheet, touching_mm};
 use crate::hull::Mesh;
 use crate::model::light::Light;
 use crate::vocabulary::notice::{Notice, Notices};
 use crate::vocabulary::space::Bounds;
 use crate::volume::lattice::VolumeLattice;
+use crate::writing::number::text;
 use glam::{DVec2, DVec3};
 
-/// What is nearer to the plane than this part of the source's size touches it: files hold places as 32-bit floats.
-const TOUCHING: f64 = 1e-6;
+/// How far a rectangle that lies on the surface is moved off it, as a part of the source's size: more than places are rounded by, and less than
+/// exitance changes in.
+const OFF: f64 = 1e-5;
 
 /// The rectangle in axes of its own: x and y along its sides, z along its normal, mm.
 struct Rectangle {
@@ -19,19 +21,57 @@ struct Rectangle {
     touching_mm: f64,
 }
 
-/// A notice, where lit parts of the source meet the rectangle.
-pub fn notices(light: &Light<'_>, sheet: &Sheet, normal: DVec3) -> Vec<Notice> {
+/// How far the rectangle is to be moved against its normal, mm, and the notice that says so, where it lies on the lit surface: there irradiance
+/// has two values, and that of the light which leaves the surface is the one that is meant.
+pub fn off_the_surface(light: &Light<'_>, sheet: &Sheet, normal: DVec3) -> Option<(f64, Notice)> {
+    let (rectangle, size_mm) = rectangle(light, sheet, normal);
+    let lies_in = |triangle: usize| {
+        let corners = light.mesh.corners_mm(triangle).map(|corner| rectangle.own(corner - rectangle.middle_mm).z);
+        corners.into_iter().all(|height| height.abs() <= rectangle.touching_mm)
+            && rectangle.meets(&light.mesh, triangle)
+    };
+    let lit = lit(light).filter(|triangle| light.volume.is_none() && lies_in(*triangle)).count() as u64;
+    let off_mm = OFF * size_mm;
+    let told = format!(
+        "The rectangle lies on the lit surface ({lit} triangles of it), where irradiance has two values. It was moved by {} mm against its normal, so \
+         that the surface lies before it: the values are the exitance of the light that leaves the surface to that side.",
+        text(off_mm, 3)
+    );
+    let mut notices = Notices::default();
+    notices.count("evaluation.on_surface", lit, None, told);
+    notices.to_vec().pop().filter(|_| lit > 0).map(|notice| (off_mm, notice))
+}
+
+fn rectangle(light: &Light<'_>, sheet: &Sheet, normal: DVec3) -> (Rectangle, f64) {
     let [right, up] = sheet.half_sides_mm();
-    let size_mm = Bounds::of(light.mesh.vertices_mm.iter().copied()).size().max_element();
+    let source_mm = Bounds::of(light.mesh.vertices_mm.iter().copied());
     let rectangle = Rectangle {
         middle_mm: sheet.middle_mm(),
         along: [right.normalize(), up.normalize(), normal],
         half_mm: DVec2::new(right.length(), up.length()),
-        touching_mm: TOUCHING * size_mm,
+        touching_mm: touching_mm(source_mm),
     };
+    (rectangle, source_mm.size().max_element())
+}
+
+/// Triangles that send light.
+fn lit<'l>(light: &'l Light<'_>) -> impl Iterator<Item = usize> + 'l {
+    let is_lit = |vertex: u32| {
+        let has = |flux: &Option<Vec<f64>>| flux.as_ref().is_some_and(|flux| flux[vertex as usize] > 0.0);
+        has(&light.vertices.radiant_w) || has(&light.vertices.luminous_lm)
+    };
+    (0..light.mesh.triangles.len()).filter(move |triangle| light.mesh.triangles[*triangle].into_iter().any(is_lit))
+}
+
+/// A notice, where lit parts of the source meet the rectangle.
+pub fn notices(light: &Light<'_>, sheet: &Sheet, normal: DVec3) -> Vec<Notice> {
+    let (rectangle, _) = rectangle(light, sheet, normal);
     let (count, parts) = match light.volume {
         Some(volume) => (rectangle.cells(&volume.lattice), "lit cells of the source's volume"),
-        None => (rectangle.triangles(light), "lit triangles of the source's surface"),
+        None => (
+            lit(light).filter(|triangle| rectangle.meets(&light.mesh, *triangle)).count() as u64,
+            "lit triangles of the source's surface",
+        ),
     };
     let mut notices = Notices::default();
     if count > 0 {
@@ -47,17 +87,6 @@ pub fn notices(light: &Light<'_>, sheet: &Sheet, normal: DVec3) -> Vec<Notice> {
 impl Rectangle {
     fn own(&self, vector: DVec3) -> DVec3 {
         DVec3::from_array(self.along.map(|axis| axis.dot(vector)))
-    }
-
-    /// Triangles that send light and meet the rectangle.
-    fn triangles(&self, light: &Light<'_>) -> u64 {
-        let Light { mesh, vertices, .. } = light;
-        let is_lit = |vertex: u32| {
-            let has = |flux: &Option<Vec<f64>>| flux.as_ref().is_some_and(|flux| flux[vertex as usize] > 0.0);
-            has(&vertices.radiant_w) || has(&vertices.luminous_lm)
-        };
-        let meets = |triangle: usize| mesh.triangles[triangle].into_iter().any(is_lit) && self.meets(mesh, triangle);
-        (0..mesh.triangles.len()).filter(|triangle| meets(*triangle)).count() as u64
     }
 
     fn meets(&self, mesh: &Mesh<'_>, triangle: usize) -> bool {
@@ -129,7 +158,7 @@ mod tests {
             notices.iter().any(|notice| notice.code == "evaluation.in_light" && notice.count > 0)
         };
         assert!(told(&chip, [0.0; 3], DVec3::X, 9.0), "across it");
-        assert!(told(&chip, [0.0, 0.0, 4e-7], DVec3::NEG_Z, 0.1), "in it, by rounding, within one triangle");
+        assert!(!told(&chip, [0.0, 0.0, 4e-7], DVec3::NEG_Z, 0.1), "on it, by rounding: it is moved off");
         assert!(!told(&chip, [0.0, 0.0, 0.01], DVec3::NEG_Z, 9.0), "just before it");
         assert!(!told(&chip, [0.0, 0.0, 0.51], DVec3::X, 9.0), "its plane cuts the chip, its rectangle ends above");
         assert!(!told(&chip, [1.6, 0.0, 0.0], DVec3::new(-1.0, 0.0, 1.0), 9.0), "aslant, beside it");
@@ -141,5 +170,26 @@ mod tests {
         let glowing = glowing_box();
         assert!(told(&glowing, [1.0, 0.5, 0.5], DVec3::Z, 0.2) && !told(&glowing, [1.0, 0.5, 1.01], DVec3::Z, 9.0));
         assert!(answer(&chip, View::Directions(vec![DVec3::Z])).notices.is_empty());
+    }
+
+    /// A Lambertian chip of exitance 1 W/mm²: just before its surface irradiance is the exitance, seen from either end of rounding, and behind it
+    /// there is no light. Without a normal the plane looks against the light.
+    #[test]
+    fn on_the_surface_the_irradiance_is_the_exitance() {
+        let chip = square(2.0, 4, SphereGrid::new(36, 36), lambertian);
+        let on = |z_mm: f64, normal: Option<DVec3>| {
+            let center_mm = DVec3::new(0.1, 0.2, z_mm);
+            let plane = Plane { center_mm, normal, up: None, width_mm: 0.5, height_mm: 0.5, columns: 2, rows: 2 };
+            let found = answer(&chip, View::Plane(plane));
+            let codes: Vec<String> = found.notices.iter().map(|notice| notice.code.to_string()).collect();
+            (found.channels[0].values.iter().map(|value| value * 1e-6).collect::<Vec<f64>>(), codes)
+        };
+        for (z_mm, normal) in [(0.0, Some(DVec3::NEG_Z)), (4e-7, Some(DVec3::NEG_Z)), (0.0, None), (-4e-7, None)] {
+            let (values, codes) = on(z_mm, normal);
+            assert!(values.iter().all(|value| (value - 1.0).abs() < 0.01), "{z_mm}: {values:?}");
+            assert_eq!(codes, ["evaluation.on_surface"]);
+        }
+        assert!(on(0.0, Some(DVec3::Z)).0.iter().all(|value| *value == 0.0));
+        assert!(on(0.01, None).1.is_empty());
     }
 }

@@ -53,6 +53,20 @@ impl Kind {
         }
     }
 
+    /// Numbers that each place and direction has.
+    ///
+    /// # Errors
+    /// [`Error::Unusable`] where the model does not know this light.
+    pub fn channels(self, light: &Light<'_>) -> Result<usize, Error> {
+        let sites = light.sites();
+        match self {
+            _ if !self.is_known(light) => Err(unknown(light, self)),
+            Kind::Spectrum | Kind::Color if light.spectral.has_bands() => Ok(light.spectral.bands.widths_nm().len()),
+            Kind::Spectrum | Kind::Color => Ok(sites.columns.len() / sites.len().max(1)),
+            Kind::Radiant | Kind::Luminous => Ok(1),
+        }
+    }
+
     /// Luminous where the model knows it, else radiant.
     pub fn first_known(light: &Light<'_>) -> Kind {
         // Of infrared, lumens are known to be none.

@@ -37,8 +37,9 @@ pub use glam::DVec3 as Vector;
 pub use request::{MOST_NUMBERS, Request, TOLERANCE};
 pub use view::{Camera, Plane, View, Width};
 
-use crate::error::{Error, Place};
+use crate::error::Error;
 use crate::model::light::Light;
+use crate::vocabulary::notice::Notice;
 use crate::vocabulary::watch::StageWatch;
 use answer::Raw;
 use emission::Emission;
@@ -66,40 +67,60 @@ pub fn evaluate<'a>(
     watch: StageWatch<'_>,
 ) -> Result<Answer, Error> {
     let light = light.into();
-    let request = &request.facing(&light);
-    let kind = request.kind.unwrap_or_else(|| Kind::first_known(&light));
-    request.check()?;
+    let (request, mut notices) = placed(request, &light)?;
+    let request = &request;
+    let kind = check(light.clone(), request)?;
     let [columns, rows] = request.view.shape()?;
     let emission = Emission::new(light.clone(), kind)?;
-    let numbers = columns.saturating_mul(rows).saturating_mul(emission.channels());
+    watch.step(0.0)?;
+    let raw = cells_of(&emission, request, columns * rows, watch)?;
+    if let View::Plane(plane) = &request.view {
+        let (sheet, normal) = plane.sheet(&light.frame)?;
+        notices.extend(cut::notices(&light, &sheet, normal));
+    }
+    // What lies in the light is dark for a reason that is told already.
+    if notices.is_empty() {
+        notices = dark::notices(&light, &request.view, columns * rows, &raw.values)?;
+    }
+    Ok(Answer { notices, ..Answer::new(&emission, name, request, kind, raw)? })
+}
+
+/// What is asked, with the normal of a plane where none was given, and the plane moved off the surface where it lies on it, which is told.
+fn placed(request: &Request, light: &Light<'_>) -> Result<(Request, Vec<Notice>), Error> {
+    let request = request.facing(light);
+    let View::Plane(plane) = request.view else { return Ok((request, Vec::new())) };
+    let (sheet, normal) = plane.sheet(&light.frame)?;
+    let Some((off_mm, notice)) = cut::off_the_surface(light, &sheet, normal) else { return Ok((request, Vec::new())) };
+    let moved = Plane { center_mm: plane.center_mm - off_mm * normal, ..plane };
+    Ok((Request { view: View::Plane(moved), ..request }, vec![notice]))
+}
+
+/// Refuses a request that the model cannot answer, or that would be too large; which light it is evaluated in.
+///
+/// # Errors
+/// As [`evaluate`].
+pub fn check<'a>(light: impl Into<Light<'a>>, request: &Request) -> Result<Kind, Error> {
+    let light = light.into();
+    request.check()?;
+    request.facing(&light).check()?;
+    let kind = request.kind.unwrap_or_else(|| Kind::first_known(&light));
+    let channels = kind.channels(&light)?;
+    let [columns, rows] = request.view.shape()?;
+    let numbers = columns.saturating_mul(rows).saturating_mul(channels);
     if numbers > request.most_numbers {
         let most = request.most_numbers;
         let found = format!("The answer would have {numbers} numbers; at most {most} are computed at once here.");
         return Err(Error::refused("evaluation.too_large", found, fewer(most)));
     }
     let kept = light.vertices.len().max(light.volume.map_or(0, |volume| volume.nodes.len()));
-    if kept.saturating_mul(emission.channels()) > request.most_kept {
+    if kept.saturating_mul(channels) > request.most_kept {
         let found = format!(
-            "The model has {kept} places with {} numbers each, too many to be kept while they are evaluated here.",
-            emission.channels()
+            "The model has {kept} places with {channels} numbers each, too many to be kept while they are evaluated here."
         );
         let remedy = "Ask for one number a cell (luminous or radiant light), or use the command lampwright evaluate or a job (POST /v1/evaluations).";
         return Err(Error::refused("evaluation.too_large", found, remedy));
     }
-    watch.step(0.0)?;
-    let raw = cells_of(&emission, request, columns * rows, watch)?;
-    let mut notices = match &request.view {
-        View::Plane(plane) => {
-            let (sheet, normal) = plane.sheet(&light.frame)?;
-            cut::notices(&light, &sheet, normal)
-        }
-        _ => Vec::new(),
-    };
-    // What lies in the light is dark for a reason that is told already.
-    if notices.is_empty() {
-        notices = dark::notices(&light, &request.view, columns * rows, &raw.values)?;
-    }
-    Ok(Answer { notices, ..Answer::new(&emission, name, request, kind, raw)? })
+    Ok(kind)
 }
 
 /// What to do about an answer that is too large where `most` numbers are computed.
@@ -144,10 +165,6 @@ fn cells_of(emission: &Emission<'_>, request: &Request, cells: usize, watch: Sta
             far(&|cell| units[cell])
         }
         View::Angles(angles) => {
-            if angles.iter().flatten().any(|degrees| !degrees.is_finite()) {
-                let (place, remedy) = (Place::Asked("view.angles"), "Give C and gamma in degrees.");
-                return Err(Error::invalid_declaration("evaluation.geometry", place, "An angle is no number.", remedy));
-            }
             let [c, gamma] = [0, 1].map(|k| angles.iter().map(|pair| pair[k].to_radians()).collect::<Vec<f64>>());
             far(&|cell| frame.direction(c[cell], gamma[cell]))
         }

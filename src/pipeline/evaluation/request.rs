@@ -71,24 +71,22 @@ impl Request {
     #[must_use]
     pub fn facing(&self, light: &Light<'_>) -> Request {
         let View::Plane(plane) = self.view else { return self.clone() };
-        let source_mm = Bounds::of(light.mesh.vertices_mm.iter().copied()).center();
+        let source_mm = Bounds::of(light.mesh.vertices_mm.iter().copied());
         Request { view: View::Plane(plane.facing(&light.frame, source_mm)), ..self.clone() }
     }
 
-    /// Refuses a tolerance that cannot be kept or says nothing.
+    /// Refuses what no model could answer: a tolerance that cannot be kept or says nothing, and a view that cannot be. Up of a plane without a
+    /// normal is judged when that is known ([`Request::facing`]).
     ///
     /// # Errors
     /// [`Error::Unusable`].
     pub fn check(&self) -> Result<(), Error> {
+        self.view.shape()?;
+        self.view.check()?;
         if (TOLERANCES[0]..=TOLERANCES[1]).contains(&self.tolerance) {
             return Ok(());
         }
-        let found = format!("A tolerance of {} was asked for.", self.tolerance);
-        Err(Error::invalid_declaration(
-            "evaluation.tolerance",
-            Place::Asked("tolerance"),
-            found,
-            "Ask for 0.000001 to 0.1.",
-        ))
+        let (place, found) = (Place::Asked("tolerance"), format!("A tolerance of {} was asked for.", self.tolerance));
+        Err(Error::invalid_declaration("evaluation.tolerance", place, found, "Ask for 0.000001 to 0.1."))
     }
 }

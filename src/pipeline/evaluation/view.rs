@@ -3,7 +3,7 @@
 use super::irradiance::Receiver;
 use super::radiance::Line;
 use crate::error::{Error, Place};
-use crate::vocabulary::space::Frame;
+use crate::vocabulary::space::{Axis, Bounds, Frame};
 use glam::{DVec2, DVec3};
 
 /// Most columns and rows of a picture, and most directions in a list.
@@ -16,6 +16,8 @@ const UP: [DVec3; 2] = [DVec3::Z, DVec3::Y];
 const LEAST_SINE: f64 = 1e-6;
 /// How far a step may be from a whole part of the circle, as a part.
 const UNEVEN: f64 = 1e-9;
+/// What is nearer to a plane than this part of the source's size touches it.
+const TOUCHING: f64 = 1e-6;
 /// Farthest that a place may be, mm.
 const FARTHEST_MM: f64 = 1e12;
 
@@ -82,6 +84,27 @@ impl View {
     pub const C_STEP_DEG: f64 = 15.0;
     /// Step of γ, likewise.
     pub const GAMMA_STEP_DEG: f64 = 5.0;
+
+    /// Refuses what cannot be looked at, whatever the model.
+    ///
+    /// # Errors
+    /// [`Error::Unusable`] where a size, a vector, an angle or a count cannot be.
+    pub fn check(&self) -> Result<(), Error> {
+        match self {
+            View::Grid { .. } => Ok(()),
+            View::Directions(directions) => {
+                directions.iter().try_for_each(|along| unit("view.directions", *along).map(drop))
+            }
+            View::Angles(angles) if angles.iter().flatten().all(|degrees| degrees.is_finite()) => Ok(()),
+            View::Angles(_) => Err(geometry("view.angles", "An angle is no number.", "Give C and gamma in degrees.")),
+            View::Plane(plane) if plane.normal.is_some() => plane.sheet(&Frame::looking(Axis::PosZ)).map(drop),
+            View::Plane(plane) => {
+                plane.up.map_or(Ok(DVec3::Z), |up| unit("view.plane.up", up))?;
+                Plane { up: None, ..*plane }.sheet(&Frame::looking(Axis::PosZ)).map(drop)
+            }
+            View::Camera(camera) => camera.lens().map(drop),
+        }
+    }
 }
 
 impl Plane {
@@ -122,6 +145,11 @@ pub struct Sheet {
 
 fn geometry(option: &'static str, found: impl Into<String>, remedy: &'static str) -> Error {
     Error::invalid_declaration("evaluation.geometry", Place::Asked(option), found, remedy)
+}
+
+/// What is nearer to a plane than this touches it, of a source with this box: files hold places as 32-bit floats.
+pub fn touching_mm(source_mm: Bounds) -> f64 {
+    TOUCHING * source_mm.size().max_element()
 }
 
 /// A number that is positive and no farther than any place may be.
@@ -202,11 +230,13 @@ impl Sheet {
 }
 
 impl Plane {
-    /// The same plane; where no normal was given, it lies across γ = 0 and looks to the side on which the middle of the source lies.
+    /// The same plane; where no normal was given, it lies across γ = 0 and looks to the side on which the middle of the source (its box) lies,
+    /// through that middle against the light that goes along γ = 0.
     #[must_use]
-    pub fn facing(self, frame: &Frame, source_mm: DVec3) -> Plane {
+    pub fn facing(self, frame: &Frame, source_mm: Bounds) -> Plane {
         let nadir = frame.nadir.vector();
-        let towards = if (source_mm - self.center_mm).dot(nadir) > 0.0 { nadir } else { -nadir };
+        let is_before = (source_mm.center() - self.center_mm).dot(nadir) > touching_mm(source_mm);
+        let towards = if is_before { nadir } else { -nadir };
         Plane { normal: self.normal.or(Some(towards)), ..self }
     }
 
@@ -331,7 +361,6 @@ impl Lens {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vocabulary::space::Axis;
 
     fn plane() -> Plane {
         let center_mm = DVec3::new(0.0, 0.0, 3.0);
@@ -351,12 +380,16 @@ mod tests {
     #[test]
     fn a_plane_looks_at_the_source() {
         let frame = Frame::looking(Axis::PosZ);
-        for (source, expected) in [(0.0, DVec3::NEG_Z), (9.0, DVec3::Z)] {
-            let faced = plane().facing(&frame, DVec3::new(1.0, 2.0, source));
+        // The plane lies at z = 3; rounding does not turn it away from the light of a source that it goes through.
+        for (source, expected) in
+            [(0.0, DVec3::NEG_Z), (9.0, DVec3::Z), (3.0, DVec3::NEG_Z), (3.0 + 1e-8, DVec3::NEG_Z)]
+        {
+            let middle = DVec3::new(1.0, 2.0, source);
+            let faced = plane().facing(&frame, Bounds { min: middle - DVec3::X, max: middle + DVec3::X });
             assert_eq!(faced.sheet(&frame).unwrap().1, expected);
         }
         let given = Plane { normal: Some(DVec3::X), ..plane() };
-        assert_eq!(given.facing(&frame, DVec3::ZERO), given);
+        assert_eq!(given.facing(&frame, Bounds { min: DVec3::ZERO, max: DVec3::ZERO }), given);
     }
 
     #[test]

@@ -164,10 +164,7 @@ mod tests {
     const RAY: &[f32] = &[1.0, 2.0, 0.5, 0.6, 0.0, -0.8, 0.25];
 
     fn opened(bytes: Vec<u8>) -> Result<(Facts, Vec<RawRay>), Error> {
-        let set = crate::formats::open(Arc::new(bytes), None, &Limits::default())?;
-        let mut rays = Vec::new();
-        set.records.read(0, set.facts.ray_count as usize, &mut rays)?;
-        Ok((set.facts, rays))
+        crate::formats::open(Arc::new(bytes), None, &Limits::default())?.read_all()
     }
 
     #[test]

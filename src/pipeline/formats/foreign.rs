@@ -13,6 +13,14 @@ const FROM_MODEL: &str =
 /// What to do with a spectrum.
 const NAME_SPECTRUM: &str = "Send the ray file, and name this as the spectrum of its channel in the job.";
 
+/// The file that makes a zip a GLDF file.
+pub const GLDF_PRODUCT: &str = "product.xml";
+
+/// The refusal of a GLDF file.
+pub fn gldf() -> Error {
+    refused("detect.gldf", "a GLDF file (surfaces and photometry of a luminaire, without rays)", EXPORT)
+}
+
 /// First bytes, code, and what such a file is.
 const MAGIC: [(&[u8], &str, &str); 25] = [
     (b"Rar!\x1a\x07", "detect.archive", "a RAR archive"),

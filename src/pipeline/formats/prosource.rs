@@ -145,10 +145,7 @@ mod tests {
     }
 
     fn opened(text: &str) -> Result<(Facts, Vec<RawRay>), Error> {
-        let set = open(Arc::new(text.as_bytes().to_vec()), None, &Limits::default())?;
-        let mut rays = Vec::new();
-        set.records.read(0, set.facts.ray_count as usize, &mut rays)?;
-        Ok((set.facts, rays))
+        open(Arc::new(text.as_bytes().to_vec()), None, &Limits::default())?.read_all()
     }
 
     #[test]

@@ -136,6 +136,8 @@ pub enum Sign {
 pub const SPECTRUM_UNREADABLE: &str = "rays.spectrum_unreadable";
 /// Code of the notice for a total that the file has and that cannot be read, where its rays are relative to it.
 pub const TOTAL_UNREADABLE: &str = "rays.total_unreadable";
+/// How the header of rays that were drawn from a model says so.
+pub const DRAWN: &str = "New rays drawn from a model";
 /// How the header of rays that were drawn by a sequence says so.
 pub const LOW_DISCREPANCY: &str = "of low discrepancy";
 /// Code of the notice for a length unit that is what a program writes where nobody chose one.
@@ -257,6 +259,16 @@ pub struct RaySet {
     pub facts: Facts,
     /// Its records.
     pub records: Box<dyn Records>,
+}
+
+#[cfg(test)]
+impl RaySet {
+    /// What the file says, and all of its rays, for tests of readers.
+    pub fn read_all(self) -> Result<(Facts, Vec<RawRay>), Error> {
+        let mut rays = Vec::new();
+        self.records.read(0, self.facts.ray_count as usize, &mut rays)?;
+        Ok((self.facts, rays))
+    }
 }
 
 /// Rays per chunk of a pass.

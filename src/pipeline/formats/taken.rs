@@ -1,12 +1,16 @@
 //! What a file is where another one was expected: a ray file for a model, anything for a spectrum.
 
 use super::detect::{NOT_RAYS, detect_start};
+use super::foreign::gldf;
 use super::own;
 use super::record::{Format, Reader};
 use crate::error::Error;
 
 /// How the refusal of something that has a name ends, where rays are wanted.
 const NO_RAY_FILE: &str = ", not a ray file.";
+
+/// What to name where a model is wanted.
+const NAME_MODEL: &str = "Name a model's folder or its model.zip; lampwright build makes one of a ray file.";
 
 /// The refusal of a file that starts with `start` and is `length` bytes long where a model is wanted: what it is, and what to name.
 pub fn no_model(readers: &[Reader], start: &[u8], length: u64) -> Error {
@@ -17,7 +21,7 @@ pub fn no_model(readers: &[Reader], start: &[u8], length: u64) -> Error {
                 Ok(None) => "This is no model.".to_owned(),
                 Err(error) => said(&error).map_or("This is no model.".to_owned(), |what| format!("{what}, no model.")),
             };
-            (what, "Name a model's folder or its model.zip; lampwright build makes one of a ray file.")
+            (what, NAME_MODEL)
         }
         Some(part) => (
             format!("This is {part}, not a whole one."),
@@ -25,6 +29,12 @@ pub fn no_model(readers: &[Reader], start: &[u8], length: u64) -> Error {
         ),
     };
     Error::refused("model.not_model", what, remedy)
+}
+
+/// The refusal of a GLDF file where a model is wanted.
+pub fn no_model_but_gldf() -> Error {
+    let what = said(&gldf()).unwrap_or_default().to_owned();
+    Error::refused("model.not_model", format!("{what}, no model."), NAME_MODEL)
 }
 
 /// The refusal of a file where a spectrum is wanted, where it is known to be something else. A text of columns may be a spectrum with a fault.

@@ -4,7 +4,9 @@ use super::findings::Inspection;
 use super::findings::{Check, Verdict};
 use super::origins::Origins;
 use crate::error::Fault;
-use crate::formats::record::{DEFAULT_UNIT, EQUAL_SHARES, LOW_DISCREPANCY, SPECTRUM_UNREADABLE, TOTAL_UNREADABLE};
+use crate::formats::record::{
+    DEFAULT_UNIT, DRAWN, EQUAL_SHARES, LOW_DISCREPANCY, SPECTRUM_UNREADABLE, TOTAL_UNREADABLE,
+};
 use crate::formats::record::{Facts, SpectralData, TotalRule};
 use crate::formats::text::rows::{MORE_ROWS, too_many_more};
 use crate::rays::check::Flaw;
@@ -302,6 +304,7 @@ fn noise(found: &Inspection) -> Check {
     let Some(noise) = &found.noise else { return ok(NAME, "There are no rays.") };
     let even = found.header.texts.iter().any(|text| text.value.contains(LOW_DISCREPANCY));
     let cells = noise.cells_at_5_percent.round();
+    let is_drawn = found.header.texts.iter().any(|text| text.value.contains(DRAWN));
     let few = if cells < 1.0 {
         String::new()
     } else {
@@ -315,6 +318,7 @@ fn noise(found: &Inspection) -> Check {
     if noise.of_2500_cells > NOISY {
         let remedy = match even {
             true => "Compare with rays of another seed, which tell how much less; or draw more.",
+            false if is_drawn => "Draw more rays of the model (lampwright rays), or expect a coarse picture.",
             false => "Ask the vendor for more rays, or expect a coarse model.",
         };
         return notice(NAME, told, remedy);

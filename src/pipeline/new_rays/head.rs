@@ -3,7 +3,7 @@
 use crate::convert::Target;
 use crate::error::Error;
 use crate::formats::lighttools::writer as lighttools;
-use crate::formats::record::{LOW_DISCREPANCY, RawRay};
+use crate::formats::record::{DRAWN, LOW_DISCREPANCY, RawRay};
 use crate::formats::tm25;
 use crate::formats::tm25::Preamble;
 use crate::formats::tm25::additional::Additional;
@@ -128,7 +128,7 @@ impl Told<'_> {
         texts[4] = format!("lampwright {}", env!("CARGO_PKG_VERSION"));
         let Request { seed, low_discrepancy, .. } = self.request;
         let spread = if low_discrepancy { format!(", {LOW_DISCREPANCY}") } else { String::new() };
-        texts[7] = format!("New rays drawn from a model of the source{spread}. Seed {seed}.");
+        texts[7] = format!("{DRAWN} of the source{spread}. Seed {seed}.");
         let header = Header {
             luminous_lm: self.file.flux.luminous_lm,
             radiant_w: self.file.flux.radiant_w,

@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use serde::Serialize;
-use serde_json::ser::{Formatter, Serializer};
+use serde_json::ser::{CompactFormatter, Formatter, Serializer};
 use std::io;
 
 /// `value` as a JSON document with a line end.
@@ -37,6 +37,11 @@ impl Legible {
 }
 
 impl Formatter for Legible {
+    /// Nothing is less than nothing: -0.0 is 0.0.
+    fn write_f64<W: ?Sized + io::Write>(&mut self, writer: &mut W, value: f64) -> io::Result<()> {
+        CompactFormatter.write_f64(writer, value + 0.0)
+    }
+
     fn begin_object<W: ?Sized + io::Write>(&mut self, writer: &mut W) -> io::Result<()> {
         self.depth += 1;
         self.empty = true;
@@ -77,5 +82,6 @@ mod tests {
             "{\n  \"a\": [1,2],\n  \"b\": {\n    \"c\": {},\n    \"d\": [{\n      \"e\": null\n    }]\n  }\n}\n";
         assert_eq!(text, expected);
         assert_eq!(serde_json::from_str::<serde_json::Value>(&text).unwrap(), value);
+        assert_eq!(document(&[-0.0, 0.0, -1.5, 1e-300]).unwrap(), b"[0.0,0.0,-1.5,1e-300]\n");
     }
 }

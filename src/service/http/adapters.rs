@@ -1,15 +1,11 @@
 //! `/v1/jobs/{id}/adapters/{renderer}`: the model of a job as a renderer opens it.
 
 use super::api::Api;
-use super::artifacts::{FileFacts, answer, promise};
 use super::extract::{Path, Query};
-use super::job::find;
+use super::files::{FileFacts, PartAnswers, PartHeaders, answer, unmade, without_making};
 use super::problem::Problem;
-use super::ranges;
-use super::ranges::Wanted;
 use super::rays::model_files;
 use crate::accounts::access::Access;
-use crate::jobs::estimate::PIPELINE;
 use axum::body::{Body, Bytes};
 use axum::extract::State;
 use axum::http::{HeaderMap, Method};
@@ -17,6 +13,7 @@ use axum::response::Response;
 use pipeline::{LightKind, Renderer};
 use serde::Deserialize;
 use utoipa::ToSchema;
+use utoipa::openapi as contract;
 
 /// What a renderer can be given.
 #[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
@@ -40,18 +37,18 @@ impl AdapterLight {
     }
 }
 
-/// A program that draws scenes.
-#[derive(ToSchema)]
-#[schema(rename_all = "lowercase")]
-#[expect(dead_code, reason = "a schema, never a value: another name is 404")]
-pub enum RendererName {
-    /// Blender, with Cycles.
-    Blender,
-    /// Mitsuba 3.
-    Mitsuba,
-    /// Radiance.
-    Radiance,
+/// A program that draws scenes, in the contract: another name is 404.
+pub enum RendererName {}
+
+impl utoipa::PartialSchema for RendererName {
+    fn schema() -> contract::RefOr<contract::Schema> {
+        let names = Renderer::ALL.map(Renderer::name);
+        let names = contract::ObjectBuilder::new().schema_type(contract::schema::Type::String).enum_values(Some(names));
+        names.description(Some("A program that draws scenes.")).into()
+    }
 }
+
+impl ToSchema for RendererName {}
 
 /// Which light.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -72,20 +69,14 @@ pub struct AdapterQuery {
     get, path = "/v1/jobs/{id}/adapters/{renderer}", tag = "artifacts", operation_id = "adapt_model",
     params(
         ("id" = String, Path, description = "the job"), ("renderer" = inline(RendererName), Path, description = "the program that is to open the files"), AdapterQuery,
-        ("Range" = Option<String>, Header, description = "`bytes=<first>-<last>`: one range"),
-        ("If-None-Match" = Option<String>, Header, description = "entity tags of the copies that the client has; 304 if one of them is current"),
-        ("If-Match" = Option<String>, Header, description = "entity tags, one of which the file must have; otherwise 412"),
-        ("If-Range" = Option<String>, Header, description = "the range is sent only if the file has this entity tag; otherwise the whole file"),
+        PartHeaders,
     ),
     responses(
         (status = 200, content((inline(super::api::Binary) = "application/zip"), (inline(super::api::Binary) = "application/octet-stream")), description = "the bytes of the zip", headers(("ETag" = String, description = "names model, renderer, light and computation"))),
         (status = 206, content((inline(super::api::Binary) = "application/zip"), (inline(super::api::Binary) = "application/octet-stream")), description = "the requested range of bytes", headers(("Content-Range" = String, description = "the range that is sent, and the length of the file"))),
-        (status = 304, description = "the copy of the client is current"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job or renderer, or the job has not succeeded"),
-        (status = 412, body = Problem, content_type = "application/problem+json", description = "the file does not have an entity tag that `If-Match` names"),
-        (status = 416, body = Problem, content_type = "application/problem+json", description = "the range lies outside the file"),
         (status = 422, body = Problem, content_type = "application/problem+json", description = "a parameter is not valid, or the model does not know this light"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
+        PartAnswers,
     )
 )]
 pub async fn adapt(
@@ -96,28 +87,20 @@ pub async fn adapt(
     method: Method,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    find(&api, &access, &id).await?;
+    let files = model_files(&api, &access, &id).await?;
     let known = Renderer::ALL.into_iter().find(|known| known.name() == renderer);
     let known = known.ok_or_else(|| Problem::no_renderer(&renderer))?;
-    let files = model_files(&api, &id).await?;
     let light = wanted.light.map(AdapterLight::kind);
-    let [emitter, goniograms] = &files;
-    let told = light.map_or("", LightKind::name);
-    let facts = |byte_count| FileFacts {
-        name: format!("{renderer}.zip"),
-        media_type: "application/zip".to_owned(),
-        byte_count,
-        etag: format!("\"{}-{}-{renderer}-{told}-{PIPELINE}\"", emitter.sha256, goniograms.sha256),
-    };
-    // What has no body needs no model.
-    let unmade = facts(0);
-    let is_unsent = matches!(ranges::wanted(&headers, &unmade.etag, 0), Wanted::Nothing | Wanted::Changed);
-    if is_unsent || method == Method::HEAD {
-        return promise(&unmade, api.models.lengths.of(&unmade.etag), &headers);
+    let what = format!("{renderer}-{}", light.map_or("", LightKind::name));
+    let unmade = unmade(&files, &what, format!("{renderer}.zip"), "application/zip");
+    // HEAD reads no model: without an earlier request it tells no length.
+    let length = || Ok(Some(api.models.lengths.of(&unmade.etag)));
+    if let Some(told) = without_making(&unmade, &method, &headers, length)? {
+        return Ok(told);
     }
     let zip = api.models.adapt(&access.tenant, &api.storage.blobs, &files, known, light).await?;
     let zip = Bytes::from(zip.ok_or_else(Problem::busy)?);
-    let made = facts(zip.len() as u64);
+    let made = FileFacts { byte_count: zip.len() as u64, ..unmade };
     api.models.lengths.keep(&made.etag, made.byte_count);
     let part = async |range: std::ops::Range<u64>| Ok(Body::from(zip.slice(range.start as usize..range.end as usize)));
     answer(&made, &method, &headers, part).await

@@ -1,9 +1,8 @@
 //! `/v1/combinations`: models of jobs changed, and several as one, without their rays.
 
 use super::api::Api;
-use super::artifacts::disposition;
 use super::extract::Body;
-use super::job::find;
+use super::files::whole;
 use super::problem::Problem;
 use super::rays::model_files;
 use super::upload_request::MAX_NAME_CHARS;
@@ -13,8 +12,7 @@ use crate::jobs::request::{SpectrumChoice, TotalFlux};
 use crate::models::combination::{Made, Wanted};
 use crate::spectra;
 use axum::extract::State;
-use axum::http::header;
-use axum::response::{IntoResponse, Response};
+use axum::response::Response;
 use pipeline::{Change, Error, Place, Strength, Table, Turn, Vector};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -123,18 +121,11 @@ pub async fn combine(
     let mut wanted = Vec::with_capacity(new.models.len());
     for (index, model) in new.models.into_iter().enumerate() {
         let change = model.change(index, spectrum(&api, &access, index, model.spectrum.as_ref()).await?)?;
-        find(&api, &access, &model.job).await?;
-        wanted.push(Wanted { files: model_files(&api, &model.job).await?, name: model.name, change });
+        let files = model_files(&api, &access, &model.job).await?;
+        wanted.push(Wanted { files, name: model.name, change });
     }
     match api.models.combine(&access.tenant, &api.storage.blobs, wanted).await? {
-        Made::Done(bytes) => {
-            let media_type = "application/zip";
-            let headers = [
-                (header::CONTENT_TYPE, media_type.to_owned()),
-                (header::CONTENT_DISPOSITION, disposition(NAME, media_type)),
-            ];
-            Ok((headers, bytes).into_response())
-        }
+        Made::Done(bytes) => Ok(whole(NAME, "application/zip", bytes)),
         Made::Busy => Err(Problem::busy()),
         Made::TooLong => Err(Problem::combination_too_long()),
         Made::Stopping => Err(Problem::draining()),

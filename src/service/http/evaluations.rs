@@ -1,21 +1,21 @@
 //! `/v1/jobs/{id}/evaluations`: intensity, irradiance and radiance of the model of a job.
 
 use super::api::Api;
-use super::artifacts::disposition;
 use super::extract::{Body, Path};
-use super::job::{Job, find};
+use super::files::whole;
+use super::job::Job;
 use super::problem::Problem;
 use super::rays::model_files;
 use super::submission::{answer, key, timeout_in_range};
 use crate::accounts::access::Access;
-use crate::jobs::estimate::plan_evaluation;
+use crate::jobs::estimate::{plan_evaluation, planned};
 use crate::jobs::evaluation::{JobEvaluation, NewEvaluation, NewEvaluationJob};
 use crate::jobs::request::NewJob;
 use crate::jobs::submit::Keyed;
 use crate::models::Evaluated;
 use axum::extract::State;
-use axum::http::{HeaderMap, header};
-use axum::response::{IntoResponse, Response};
+use axum::http::HeaderMap;
+use axum::response::Response;
 
 /// Most numbers of an answer: cells times channels.
 const MOST_NUMBERS: usize = 1 << 18;
@@ -46,17 +46,11 @@ pub async fn evaluate(
     Path(id): Path<String>,
     Body(new): Body<NewEvaluation>,
 ) -> Result<Response, Problem> {
-    find(&api, &access, &id).await?;
-    let files = model_files(&api, &id).await?;
+    let files = model_files(&api, &access, &id).await?;
     let form = new.format.form();
     let request = new.request(MOST_NUMBERS, MOST_KEPT)?;
     match api.models.evaluate(&access.tenant, &api.storage.blobs, &files, request, form).await? {
-        Evaluated::File(file) => {
-            let disposition = disposition(&file.name, file.media_type);
-            let headers =
-                [(header::CONTENT_TYPE, file.media_type.to_owned()), (header::CONTENT_DISPOSITION, disposition)];
-            Ok((headers, file.bytes).into_response())
-        }
+        Evaluated::File(file) => Ok(whole(&file.name, file.media_type, file.bytes)),
         Evaluated::Busy => Err(Problem::busy()),
         Evaluated::TooLong => Err(Problem::evaluation_too_long()),
         Evaluated::Stopping => Err(Problem::draining()),
@@ -67,7 +61,7 @@ pub async fn evaluate(
 ///
 /// A job like any other, for what is too large to be answered at once: at most 16777216 numbers, within the time limit of jobs. Its artifact is
 /// `evaluation.json`, `.csv`, `.tiff` or `.svg`. The model must be there when the job begins; afterwards it may be deleted. `Idempotency-Key` and `reuse`
-/// have the meaning that they have for `POST /v1/jobs`.
+/// have the meaning that they have for `POST /v1/jobs`. What cannot be evaluated is refused here; what only a large model tells, by the job.
 #[utoipa::path(
     post, path = "/v1/evaluations", tag = "jobs", operation_id = "queue_evaluation", request_body = NewEvaluationJob,
     params(
@@ -106,11 +100,14 @@ pub async fn queue(
         return Err(Problem::draining());
     }
     timeout_in_range(&api, new.timeout_s)?;
-    find(&api, &access, &new.job).await?;
+    let files = model_files(&api, &access, &new.job).await?;
     api.queue.use_model(&access.tenant, &new.job).await?;
-    let files = model_files(&api, &new.job).await?;
     let evaluation = JobEvaluation { job: new.job, evaluation: new.evaluation };
-    let plan = plan_evaluation(&evaluation, &files)?;
+    let (form, mut request) = (evaluation.evaluation.format.form(), planned(&evaluation.evaluation)?);
+    // What the model alone tells is told now where it is at hand, else by the job.
+    let light = api.models.check(&access.tenant, &api.storage.blobs, &files, &request, form).await?;
+    request.kind = request.kind.or(light);
+    let plan = plan_evaluation(&evaluation, &request, &files)?;
     let new = NewJob {
         channels: Vec::new(),
         priority: new.priority,

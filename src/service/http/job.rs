@@ -70,9 +70,9 @@ pub struct Job {
     /// What is evaluated, of an evaluation, which has no channels; null of a job that makes a model.
     #[schema(required)]
     evaluation: Option<JobEvaluation>,
-    /// The options of the job; null means that the value follows from the rays.
-    #[schema(value_type = JobOptions)]
-    options: Options,
+    /// The options of the job, in which null means that the value follows from the rays; null of an evaluation, which has none.
+    #[schema(required, value_type = Option<JobOptions>)]
+    options: Option<Options>,
     /// Priority of the job among the queued jobs of its tenant.
     priority: Priority,
     /// Longest time that an attempt may take, s; null means the limit of the service.
@@ -179,8 +179,8 @@ impl From<query::Job> for Job {
             cancel_requested: row.cancel_requested,
             channels: row.channels,
             total: row.total,
+            options: row.evaluation.is_none().then_some(row.options),
             evaluation: row.evaluation,
-            options: row.options,
             priority: row.priority,
             timeout_s: row.timeout_s,
             metadata: row.metadata,

@@ -53,6 +53,7 @@ pub async fn list(
         priority: page.priority,
         created_after_ms: page.created_after_ms,
         created_before_ms: page.created_before_ms,
+        evaluation: page.evaluation,
         metadata: page.metadata,
     };
     let rows = query::list(&api.storage.records, &access.tenant, &filter, after, limit as i64 + 1).await?;
@@ -81,6 +82,9 @@ pub struct JobPage {
     #[param(minimum = 0)]
     #[serde(default, deserialize_with = "moment")]
     created_before_ms: Option<i64>,
+    /// Only evaluations (true), or only jobs that make models (false).
+    #[serde(default)]
+    evaluation: Option<bool>,
     /// Only jobs whose metadata has all of these keys and values: a JSON object of strings.
     #[param(value_type = Option<String>, example = "{\"order\":\"4711\"}")]
     #[serde(default, deserialize_with = "Metadata::from_text")]

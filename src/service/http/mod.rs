@@ -34,6 +34,8 @@ pub mod jobs;
 pub mod submission;
 /// Waiting for jobs, and the stream of their progress.
 pub mod events;
+/// Files as answers.
+mod files;
 /// The artifacts of jobs.
 pub mod artifacts;
 /// New rays from the models of jobs.

@@ -2,8 +2,8 @@
 
 use super::addresses::link;
 use super::api::Api;
-use super::artifacts::disposition;
 use super::extract::{Page, Path, Query, cut};
+use super::files::disposition;
 use super::problem::Problem;
 use super::ranges::{Wanted, media_type, wanted};
 use super::upload_request::{RaySetPage, UploadQuery, announcement};

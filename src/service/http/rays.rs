@@ -1,14 +1,11 @@
 //! `/v1/jobs/{id}/rays`: new rays from the model of a job, made while they are sent.
 
 use super::api::Api;
-use super::artifacts::{FileFacts, answer, promise};
 use super::extract::{Path, Query};
+use super::files::{FileFacts, PartAnswers, PartHeaders, answer, unmade, without_making};
 use super::job::find;
 use super::problem::Problem;
-use super::ranges;
-use super::ranges::Wanted;
 use crate::accounts::access::Access;
-use crate::jobs::estimate::PIPELINE;
 use crate::jobs::query;
 use crate::jobs::query::StoredArtifact;
 use axum::body::Body;
@@ -100,20 +97,14 @@ impl RaysQuery {
     get, path = "/v1/jobs/{id}/rays", tag = "artifacts", operation_id = "draw_rays",
     params(
         ("id" = String, Path, description = "the job"), RaysQuery,
-        ("Range" = Option<String>, Header, description = "`bytes=<first>-<last>`: one range"),
-        ("If-None-Match" = Option<String>, Header, description = "entity tags of the copies that the client has; 304 if one of them is current"),
-        ("If-Match" = Option<String>, Header, description = "entity tags, one of which the file must have; otherwise 412"),
-        ("If-Range" = Option<String>, Header, description = "the range is sent only if the file has this entity tag; otherwise the whole file"),
+        PartHeaders,
     ),
     responses(
         (status = 200, content((inline(super::api::Binary) = "application/octet-stream")), description = "the bytes of the file", headers(("ETag" = String, description = "names model, count, seed, spread, format and computation"))),
         (status = 206, content((inline(super::api::Binary) = "application/octet-stream")), description = "the requested range of bytes", headers(("Content-Range" = String, description = "the range that is sent, and the length of the file"))),
-        (status = 304, description = "the copy of the client is current"),
         (status = 404, body = Problem, content_type = "application/problem+json", description = "there is no such job, or it has not succeeded"),
-        (status = 412, body = Problem, content_type = "application/problem+json", description = "the file does not have an entity tag that `If-Match` names"),
-        (status = 416, body = Problem, content_type = "application/problem+json", description = "the range lies outside the file"),
         (status = 422, body = Problem, content_type = "application/problem+json", description = "a parameter is not valid, or the format cannot hold these rays"),
-        (status = 503, body = Problem, content_type = "application/problem+json", description = "the service is busy, or the database or the object store does not answer"),
+        PartAnswers,
     )
 )]
 pub async fn draw(
@@ -124,43 +115,36 @@ pub async fn draw(
     method: Method,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    find(&api, &access, &id).await?;
+    let files = model_files(&api, &access, &id).await?;
     if !(1..=MOST_NEW_RAYS).contains(&wanted.count) {
         return Err(Problem::out_of_range("count", "from 1 to 1000000000000"));
     }
-    let files = model_files(&api, &id).await?;
     let RaysQuery { count, seed, low_discrepancy, format } = wanted;
     let extension = format.extension();
     let spread = if low_discrepancy { "-low-discrepancy" } else { "" };
-    let [emitter, goniograms] = &files;
-    let facts = |byte_count| FileFacts {
-        name: format!("rays-{count}-seed-{seed}{spread}.{extension}"),
-        media_type: "application/octet-stream".to_owned(),
-        byte_count,
-        etag: format!("\"{}-{}-{count}-{seed}{spread}-{extension}-{PIPELINE}\"", emitter.sha256, goniograms.sha256),
-    };
-    // What a condition keeps from being sent needs no model, nor does a length that an earlier request has told.
-    let unmade = facts(0);
-    if matches!(ranges::wanted(&headers, &unmade.etag, 0), Wanted::Nothing | Wanted::Changed) {
-        return promise(&unmade, None, &headers);
-    }
+    let what = format!("{count}-{seed}{spread}-{extension}");
+    let name = format!("rays-{count}-seed-{seed}{spread}.{extension}");
+    let unmade = unmade(&files, &what, name, "application/octet-stream");
     let request = RayRequest { count, seed, low_discrepancy, target: format.target() };
-    if method == Method::HEAD
-        && let Some(byte_count) = api.models.ray_bytes(&files, request)?
-    {
-        return promise(&unmade, Some(byte_count), &headers);
+    // Where no earlier request has told the length, the model is read for it.
+    let length = || Ok(api.models.ray_bytes(&files, request)?.map(Some));
+    if let Some(told) = without_making(&unmade, &method, &headers, length)? {
+        return Ok(told);
     }
     let drawing = api.models.draw(&access.tenant, &api.storage.blobs, &files, request).await?;
     let drawing = drawing.ok_or_else(Problem::busy)?;
-    answer(&facts(drawing.byte_count), &method, &headers, async |range| Ok(Body::from_stream(drawing.stream(range))))
-        .await
+    let made = FileFacts { byte_count: drawing.byte_count, ..unmade };
+    answer(&made, &method, &headers, async |range| Ok(Body::from_stream(drawing.stream(range)))).await
 }
 
-/// The two files of the model of a job that was found.
+/// The two files of the model of the job `id`.
 ///
 /// # Errors
-/// The job has none; the database does not answer.
-pub async fn model_files(api: &Api, id: &str) -> Result<[StoredArtifact; 2], Problem> {
+/// There is no such job, or it has no model; the database does not answer.
+pub async fn model_files(api: &Api, access: &Access, id: &str) -> Result<[StoredArtifact; 2], Problem> {
+    if let Some(evaluation) = find(api, access, id).await?.evaluation {
+        return Err(Problem::of_evaluation(id, &evaluation.job));
+    }
     let stored = async |name: &str| {
         let found = query::artifact_named(&api.storage.records, id, name).await?;
         found.ok_or_else(|| Problem::no_artifact(name))

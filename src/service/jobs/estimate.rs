@@ -11,7 +11,7 @@ use crate::ray_sets::rows::LeftOut;
 use crate::ray_sets::{inspections, rows};
 use crate::storage::records::Records;
 use crate::{spectra, storage};
-use pipeline::{Claims, Declared, MOST_NUMBERS};
+use pipeline::{Claims, Declared, EvaluationRequest, MOST_NUMBERS};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -135,31 +135,37 @@ pub async fn plan(records: &Records, tenant: &str, new: &NewJob, threads: usize)
     })
 }
 
-/// What is known of an evaluation before it is queued, of the two files of the model.
+/// What is known of an evaluation before it is queued: `asked` of the two files of the model, and what that is to the computation.
 ///
 /// # Errors
-/// [`Error::Unfit`] for a request that no model could answer, and above [`MOST_NUMBERS`].
-pub fn plan_evaluation(asked: &JobEvaluation, files: &[StoredArtifact; 2]) -> Result<JobPlan, Error> {
-    let numbers = planned_numbers(&asked.evaluation)?;
+/// Never in practice: what was read can be written.
+pub fn plan_evaluation(
+    asked: &JobEvaluation,
+    request: &EvaluationRequest,
+    files: &[StoredArtifact; 2],
+) -> Result<JobPlan, Error> {
     let byte_count: u64 = files.iter().map(|file| file.byte_count).sum();
     let digests = files.each_ref().map(|file| file.sha256.as_str());
-    let content = serde_json::to_vec(&("evaluation", PIPELINE, digests, asked)).map_err(unreadable)?;
+    // The computation's own words, in which what was left out has its default; they are compared within one build only.
+    let words = format!("{request:?}");
+    let content = ("evaluation", PIPELINE, digests, &asked.job, asked.evaluation.format, words);
+    let content = serde_json::to_vec(&content).map_err(unreadable)?;
     Ok(JobPlan {
         byte_count,
-        memory_bytes: BASE_BYTES + BYTES_PER_MODEL_BYTE * byte_count + BYTES_PER_NUMBER * numbers as u64,
+        memory_bytes: BASE_BYTES + BYTES_PER_MODEL_BYTE * byte_count + BYTES_PER_NUMBER * request.most_numbers as u64,
         memory_threads: 1,
         content_sha256: Some(hex(&Sha256::digest(content))),
         ..JobPlan::default()
     })
 }
 
-/// Most numbers that a job computes for `asked`: those that its memory is kept for.
+/// What a job computes for `asked`, of as many numbers as its memory is kept for.
 ///
 /// # Errors
 /// [`pipeline::Error`] for a request that no model could answer, and of more cells than [`MOST_NUMBERS`].
-pub fn planned_numbers(asked: &NewEvaluation) -> Result<usize, pipeline::Error> {
+pub fn planned(asked: &NewEvaluation) -> Result<EvaluationRequest, pipeline::Error> {
     let request = asked.clone().request(MOST_NUMBERS, usize::MAX)?;
-    request.check()?;
+    pipeline::check_evaluation(&request, asked.format.form())?;
     let [columns, rows] = request.view.shape()?;
     let cells = columns.saturating_mul(rows);
     if cells > MOST_NUMBERS {
@@ -171,7 +177,7 @@ pub fn planned_numbers(asked: &NewEvaluation) -> Result<usize, pipeline::Error> 
         Some(LightName::Color) => 5,
         Some(LightName::Luminous | LightName::Radiant) | None => 1,
     };
-    Ok(cells.saturating_mul(channels).min(MOST_NUMBERS))
+    Ok(EvaluationRequest { most_numbers: cells.saturating_mul(channels).min(MOST_NUMBERS), ..request })
 }
 
 /// `several`: the channel is compared with others.

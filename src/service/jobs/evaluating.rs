@@ -1,6 +1,6 @@
 //! A claimed evaluation: what it needs from the stores, and its computation.
 
-use super::estimate::planned_numbers;
+use super::estimate::planned;
 use super::evaluation::JobEvaluation;
 use super::query;
 use super::queue::Claim;
@@ -24,8 +24,7 @@ impl Evaluation {
     pub async fn load(storage: &Storage, claim: &Claim, stored: &str) -> Result<Evaluation, Error> {
         let JobEvaluation { job, evaluation } =
             serde_json::from_str(stored).map_err(|error| Error::Internal(format!("a stored evaluation: {error}")))?;
-        let form = evaluation.format.form();
-        let request = evaluation.clone().request(planned_numbers(&evaluation)?, usize::MAX)?;
+        let (form, request) = (evaluation.format.form(), planned(&evaluation)?);
         let gone = || {
             let found =
                 format!("The job {job}, whose model is to be evaluated, was deleted before the evaluation began.");

@@ -1,6 +1,7 @@
 //! Evaluations of the models of jobs, as clients ask for them: at once, or as jobs of their own, of which a row keeps the request.
 
 use super::Priority;
+use super::request::asked;
 use crate::metadata::Metadata;
 use pipeline::{
     Camera, Error, EvaluationForm, EvaluationRequest, LightKind, Place, Plane, TOLERANCE, Vector, View, Width,
@@ -245,35 +246,15 @@ impl EvaluationFormat {
     }
 }
 
-/// A request for an evaluation as a job.
-#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct NewEvaluationJob {
-    /// Identifier of the job whose model is evaluated; it has succeeded.
-    #[schema(format = Uuid)]
-    pub job: String,
-    /// What is asked of it.
-    pub evaluation: NewEvaluation,
-    /// Priority among the queued jobs of the tenant. Default: normal.
-    #[serde(default)]
-    #[schema(nullable)]
-    pub priority: Priority,
-    /// Longest time that an attempt may take, s. Default and upper limit: the limit of the service.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(minimum = 1, maximum = 4_294_967_295_u32)]
-    pub timeout_s: Option<u32>,
-    /// The client's own keys and values.
-    #[serde(default, skip_serializing_if = "Metadata::is_empty")]
-    #[schema(nullable)]
-    pub metadata: Metadata,
-    /// Whether the answer may be an equal job of the tenant, as for other jobs. Default: true.
-    #[serde(default = "yes")]
-    #[schema(nullable)]
-    pub reuse: bool,
-}
-
-fn yes() -> bool {
-    true
+asked! {
+    /// A request for an evaluation as a job.
+    pub struct NewEvaluationJob {
+        /// Identifier of the job whose model is evaluated; it has succeeded.
+        #[schema(format = Uuid)]
+        pub job: String,
+        /// What is asked of it.
+        pub evaluation: NewEvaluation,
+    }
 }
 
 /// What an evaluation job computes, as its row has it.

@@ -139,12 +139,12 @@ macro_rules! jobs {
     };
 }
 
-/// One page of those that satisfy $2 to $6; the index that finds them is chosen by what stands before.
+/// One page of those that satisfy $2 to $7; the index that finds them is chosen by what stands before.
 macro_rules! page {
     (with metadata $($found:literal),*) => {
         page!(
-            "AND jobs.id IN (SELECT job_id FROM job_metadata WHERE tenant = $1 AND pair IN ({texts of $7 texts}) \
-             GROUP BY job_id HAVING COUNT(*) = $8) ",
+            "AND jobs.id IN (SELECT job_id FROM job_metadata WHERE tenant = $1 AND pair IN ({texts of $8 texts}) \
+             GROUP BY job_id HAVING COUNT(*) = $9) ",
             $($found),*
         )
     };
@@ -152,23 +152,24 @@ macro_rules! page {
         jobs!(
             $($found,)*
             "AND ($2 IS NULL OR jobs.id < $2) AND ($3 = -1 OR jobs.priority = $3) AND ($4 = -1 OR jobs.created_ms > $4) \
-             AND ($5 = -1 OR jobs.created_ms < $5) ORDER BY jobs.id DESC LIMIT $6"
+             AND ($5 = -1 OR jobs.created_ms < $5) AND ($7 = -1 OR $7 = CASE WHEN jobs.evaluation IS NULL THEN 0 ELSE 1 END) \
+             ORDER BY jobs.id DESC LIMIT $6"
         )
     };
 }
 
 const SELECT_ONE: &str = jobs!("AND jobs.id = $2");
 const ALL: &str = page!("");
-const IN_STATE: &str = page!("AND jobs.state = $7 ");
-const OF_RAY_SET: &str = page!("AND jobs.id IN (SELECT job_id FROM job_inputs WHERE ray_set_id = $7) ");
+const IN_STATE: &str = page!("AND jobs.state = $8 ");
+const OF_RAY_SET: &str = page!("AND jobs.id IN (SELECT job_id FROM job_inputs WHERE ray_set_id = $8) ");
 const OF_RAY_SET_IN_STATE: &str =
-    page!("AND jobs.id IN (SELECT job_id FROM job_inputs WHERE ray_set_id = $7) AND jobs.state = $8 ");
+    page!("AND jobs.id IN (SELECT job_id FROM job_inputs WHERE ray_set_id = $8) AND jobs.state = $9 ");
 const WITH_METADATA: &str = page!(with metadata "");
-const WITH_METADATA_IN_STATE: &str = page!(with metadata "AND jobs.state = $9 ");
+const WITH_METADATA_IN_STATE: &str = page!(with metadata "AND jobs.state = $10 ");
 const WITH_METADATA_OF_RAY_SET: &str =
-    page!(with metadata "AND jobs.id IN (SELECT job_id FROM job_inputs WHERE ray_set_id = $9) ");
+    page!(with metadata "AND jobs.id IN (SELECT job_id FROM job_inputs WHERE ray_set_id = $10) ");
 const WITH_METADATA_OF_RAY_SET_IN_STATE: &str = page!(
-    with metadata "AND jobs.id IN (SELECT job_id FROM job_inputs WHERE ray_set_id = $9) AND jobs.state = $10 "
+    with metadata "AND jobs.id IN (SELECT job_id FROM job_inputs WHERE ray_set_id = $10) AND jobs.state = $11 "
 );
 
 /// Selects jobs of a tenant; the default selects all.
@@ -184,6 +185,8 @@ pub struct Filter {
     pub created_after_ms: Option<i64>,
     /// Jobs accepted earlier than this, epoch ms.
     pub created_before_ms: Option<i64>,
+    /// Evaluations, or jobs that make models.
+    pub evaluation: Option<bool>,
     /// Jobs whose metadata has all of these keys and values.
     pub metadata: Metadata,
 }
@@ -210,11 +213,11 @@ pub async fn list(
     before: Option<&str>,
     limit: i64,
 ) -> Result<Vec<Job>, Error> {
-    // -1 stands for nothing said: it is no priority and no time.
+    // -1 stands for nothing said: it is no priority, no time and no answer to a question.
     let select = |text: &'static str| {
         let select = sql(text).bind(tenant).bind(before).bind(filter.priority.map_or(-1, Priority::number));
         let select = select.bind(filter.created_after_ms.unwrap_or(-1)).bind(filter.created_before_ms.unwrap_or(-1));
-        let mut select = select.bind(limit);
+        let mut select = select.bind(limit).bind(filter.evaluation.map_or(-1, i64::from));
         if !filter.metadata.is_empty() {
             select = rows::bind_wanted(select, &filter.metadata)?;
         }

@@ -12,44 +12,59 @@ use pipeline::{Error, FluxOverride, Place, Table};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-/// A request for a job.
-#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct NewJob {
-    /// The channels of the source: ray sets in one common coordinate frame, with declarations about each.
-    #[schema(min_items = 1, max_items = 8)]
-    pub channels: Vec<Channel>,
-    /// Total flux of the source; required if the channels have shares of it, and not allowed otherwise.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub total: Option<TotalFlux>,
-    /// Options of the computation; those that are left out follow from the rays.
-    #[serde(default)]
-    #[schema(nullable, value_type = JobOptions)]
-    pub options: Options,
-    /// Priority among the queued jobs of the tenant. It has no effect on other tenants: tenants take turns. Default: normal.
-    #[serde(default)]
-    #[schema(nullable)]
-    pub priority: Priority,
-    /// Longest time that an attempt may take, s. Default and upper limit: the limit of the service.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(minimum = 1, maximum = 4_294_967_295_u32)]
-    pub timeout_s: Option<u32>,
-    /// The client's own keys and values.
-    #[serde(default, skip_serializing_if = "Metadata::is_empty")]
-    #[schema(nullable)]
-    pub metadata: Metadata,
-    /// Whether the answer may be an equal job of the tenant that is queued, is running or has succeeded: one with the same files,
-    /// names, declarations, options and version of the computation, and, if the request has metadata, the same metadata. Default:
-    /// true.
-    #[serde(default = "yes")]
-    #[schema(nullable)]
-    pub reuse: bool,
-    /// What is evaluated, of a job that was asked for as an evaluation; it then has no channels.
-    #[serde(skip)]
-    pub evaluation: Option<JobEvaluation>,
+/// A request for a job: what is to be made, and behind that what every such request may say. (Not a struct that is flattened in: of what is
+/// wrong in one of those, serde does not tell the place.)
+macro_rules! asked {
+    ($(#[$about:meta])* pub struct $name:ident { $($made:tt)* }) => {
+        $(#[$about])*
+        #[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+        #[serde(deny_unknown_fields)]
+        pub struct $name {
+            $($made)*
+            /// Priority among the queued jobs of the tenant. It has no effect on other tenants: tenants take turns. Default: normal.
+            #[serde(default)]
+            #[schema(nullable)]
+            pub priority: Priority,
+            /// Longest time that an attempt may take, s. Default and upper limit: the limit of the service.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            #[schema(minimum = 1, maximum = 4_294_967_295_u32)]
+            pub timeout_s: Option<u32>,
+            /// The client's own keys and values.
+            #[serde(default, skip_serializing_if = "Metadata::is_empty")]
+            #[schema(nullable)]
+            pub metadata: Metadata,
+            /// Whether the answer may be an equal job of the tenant that is queued, is running or has succeeded: one of the same files, names,
+            /// declarations and options, or the same evaluation of the same model, by the same version of the computation, and, if the request has
+            /// metadata, with the same metadata. Default: true.
+            #[serde(default = "crate::jobs::request::yes")]
+            #[schema(nullable)]
+            pub reuse: bool,
+        }
+    };
+}
+pub(super) use asked;
+
+asked! {
+    /// A request for a job.
+    pub struct NewJob {
+        /// The channels of the source: ray sets in one common coordinate frame, with declarations about each.
+        #[schema(min_items = 1, max_items = 8)]
+        pub channels: Vec<Channel>,
+        /// Total flux of the source; required if the channels have shares of it, and not allowed otherwise.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub total: Option<TotalFlux>,
+        /// Options of the computation; those that are left out follow from the rays.
+        #[serde(default)]
+        #[schema(nullable, value_type = JobOptions)]
+        pub options: Options,
+        /// What is evaluated, of a job that was asked for as an evaluation; it then has no channels.
+        #[serde(skip)]
+        pub evaluation: Option<JobEvaluation>,
+    }
 }
 
-fn yes() -> bool {
+/// What a request means by leaving `reuse` out.
+pub(super) fn yes() -> bool {
     true
 }
 

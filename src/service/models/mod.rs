@@ -18,7 +18,7 @@ use bytes::Bytes;
 use futures::Stream;
 use futures::stream::poll_fn;
 use pipeline::{
-    Artifact, Error, EvaluationForm, EvaluationRequest, Failed, Limits, NewRays, RayFile, RayRequest, Stage,
+    Artifact, Error, EvaluationForm, EvaluationRequest, Failed, LightKind, Limits, NewRays, RayFile, RayRequest, Stage,
     StoredModel, Watch,
 };
 use places::{Place, Places};
@@ -37,6 +37,8 @@ use tokio_util::sync::CancellationToken;
 /// Models that are kept, and most bytes of the files they were read from.
 const KEPT: usize = 8;
 const KEPT_BYTES: u64 = 256 << 20;
+/// Bytes of the files of a model that is read only to see whether it can answer: less than a second of work.
+const SOON_READ_BYTES: u64 = 16 << 20;
 /// Bytes that are drawn at once, and pieces of them that may wait to be sent.
 const BLOCK_BYTES: u64 = 2 << 20;
 const PIECES: usize = 2;
@@ -169,6 +171,35 @@ impl Models {
             (Err(Error::Cancelled), false) => Ok(Evaluated::Stopping),
             (evaluated, _) => evaluated.map(Evaluated::File),
         }
+    }
+
+    /// Refuses what the model in `files` cannot answer, where it is kept or soon read and `tenant` has a place; which light it is evaluated in.
+    /// `None`: nothing is known of it now.
+    ///
+    /// # Errors
+    /// The model cannot answer the request.
+    pub async fn check(
+        &self,
+        tenant: &str,
+        blobs: &Blobs,
+        files: &[StoredArtifact; 2],
+        request: &EvaluationRequest,
+        form: EvaluationForm,
+    ) -> Result<Option<LightKind>, Error> {
+        let byte_count: u64 = files.iter().map(|file| file.byte_count).sum();
+        let kept = self.find(&files.each_ref().map(|file| file.sha256.clone()));
+        if kept.is_none() && byte_count > SOON_READ_BYTES {
+            return Ok(None);
+        }
+        let Some(place) = self.places.take(tenant) else { return Ok(None) };
+        // A store that does not answer now, or a model that cannot be read, is the job's to tell, which waits or tries again.
+        let Ok((model, place)) = self.model(blobs, files, place).await else { return Ok(None) };
+        let request = request.clone();
+        let work = move || {
+            let _place = place;
+            pipeline::check_evaluation_of(&model, &request, form).map(Some)
+        };
+        compute("evaluation", work).await.map_err(Error::from)?
     }
 
     /// The model of `files`, kept or read; once, whoever else wants it at the same time.

@@ -15,8 +15,8 @@ export async function chooseOther(job) {
   document.body.append(dialog);
   dialog.showModal();
   try {
-    const { jobs } = await json(`v1/jobs?state=succeeded&limit=${MOST}`);
-    const others = jobs.filter(({ id, evaluation }) => id !== job.id && !evaluation);
+    const { jobs } = await json(`v1/jobs?state=succeeded&evaluation=false&limit=${MOST}`);
+    const others = jobs.filter(({ id }) => id !== job.id);
     const names = await namesOf(others);
     put(list, others.length
       ? h("ul", { class: "plain choices" }, others.map((other) => h("li", {}, h("a", { href: `#/compare/${job.id},${other.id}`, onclick: () => dialog.close() },

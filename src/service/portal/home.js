@@ -83,11 +83,11 @@ async function sample(status) {
 /** Lists what is here, newest first; looks again while a model is being computed. */
 async function recent(models, raySets) {
   await Promise.all([
-    listed(models, "v1/jobs", "jobs", words.home.noModels, async (jobs, place) => {
+    listed(models, "v1/jobs?evaluation=false&", "jobs", words.home.noModels, async (jobs, place) => {
       const names = await namesOf(jobs);
       put(place, jobs.map((job) => model(job, names)));
     }),
-    listed(raySets, "v1/ray-sets", "ray_sets", words.home.noRaySets, (sets, place) => choice(sets, place)),
+    listed(raySets, "v1/ray-sets?", "ray_sets", words.home.noRaySets, (sets, place) => choice(sets, place)),
   ]);
 }
 
@@ -98,7 +98,7 @@ async function listed(section, path, member, none, show) {
   const failed = h("div", {});
   let [entries, isAll] = [[], false];
   const fetchAll = async (isAsked = false) => {
-    const page = await json(`${path}?limit=${isAll ? MOST_SHOWN : SHOWN + 1}`);
+    const page = await json(`${path}limit=${isAll ? MOST_SHOWN : SHOWN + 1}`);
     // Who is on an entry stays there.
     if (!isAsked && place.contains(document.activeElement)) return;
     entries = page[member];

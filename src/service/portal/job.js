@@ -76,7 +76,7 @@ async function ended(page, job) {
   const ids = job.channels.map(({ ray_set: id }) => id).join(",");
   put(page, h("h1", {}, words.job.ended[job.state]),
     h("section", { class: "card", "aria-label": words.job.title },
-      job.problem ? problem(job.problem) : h("p", {}, words.job.cancelledWhy),
+      job.problem ? problem(job.problem) : h("p", {}, job.evaluation ? words.job.evaluationCancelled : words.job.cancelledWhy),
       h("div", { class: "row" }, job.evaluation
         ? h("a", { class: "button first", href: `#/jobs/${job.evaluation.job}` }, words.job.itsModel)
         : h("a", { class: "button first", href: `#/ray-sets/${ids}` }, words.job.again), removal(job))));

@@ -203,6 +203,7 @@ export const words = {
     lost: "The service does not answer. The job goes on there, and this page as soon as it is back.",
     ended: { succeeded: "The model is ready.", failed: "The job failed", cancelled: "The job was cancelled" },
     cancelledWhy: "Nothing of it was kept. Its files are still here.",
+    evaluationCancelled: "Nothing of it was kept. Its model is not touched by that.",
     again: "Back to its files",
     evaluation: "Evaluation of a model",
     evaluated: "The evaluation is ready.",

@@ -14,7 +14,8 @@ mod picture;
 pub use json::schema;
 
 use super::answer::Answer;
-use crate::error::Error;
+use super::view::View;
+use crate::error::{Error, Place};
 use crate::writing::Artifact;
 
 /// How an answer is written.
@@ -61,12 +62,28 @@ impl Form {
     }
 }
 
+impl Form {
+    /// Refuses a picture of what is none.
+    ///
+    /// # Errors
+    /// [`Error::Unusable`] of a list of directions.
+    pub fn check(self, view: &View) -> Result<(), Error> {
+        if self != Form::Svg || !matches!(view, View::Directions(_) | View::Angles(_)) {
+            return Ok(());
+        }
+        let found = "A list of directions is no picture.";
+        let remedy = "Ask for JSON or CSV, or for a grid of C and gamma.";
+        Err(Error::invalid_declaration("evaluation.no_picture", Place::Asked("format"), found, remedy))
+    }
+}
+
 impl Answer {
     /// The file.
     ///
     /// # Errors
     /// [`Error::Unusable`] where a list of directions is asked for as a picture.
     pub fn write(&self, form: Form) -> Result<Artifact, Error> {
+        form.check(&self.request.view)?;
         let bytes = match form {
             Form::Json => json::bytes(self)?,
             Form::Csv => csv::bytes(self)?,

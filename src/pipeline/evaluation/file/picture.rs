@@ -1,6 +1,6 @@
 //! A picture to look at: colours by value, axes in mm or degrees, and a scale with its unit.
 
-use crate::error::{Error, Place};
+use crate::error::Error;
 use crate::evaluation::answer::Answer;
 use crate::evaluation::view::{Sheet, View, Width};
 use crate::vocabulary::space;
@@ -35,17 +35,10 @@ struct Axis {
 /// The drawing.
 ///
 /// # Errors
-/// [`Error::Unusable`] of a list of directions.
+/// [`Error::Internal`] of a list of directions, which [`super::Form::check`] refuses before.
 pub fn bytes(answer: &Answer) -> Result<Vec<u8>, Error> {
-    let [across, down] = axes(answer)?.ok_or_else(|| {
-        let found = "A list of directions is no picture.";
-        Error::invalid_declaration(
-            "evaluation.no_picture",
-            Place::Asked("format"),
-            found,
-            "Ask for JSON or CSV, or for a grid of C and gamma.",
-        )
-    })?;
+    let none = || Error::Internal("a list of directions has no axes".to_owned());
+    let [across, down] = axes(answer)?.ok_or_else(none)?;
     let size = size(answer, &across, &down);
     let (values, quantity, unit) = answer.brightness();
     let largest = values.iter().copied().fold(0.0, f64::max);

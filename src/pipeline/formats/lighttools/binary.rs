@@ -303,10 +303,7 @@ mod tests {
     const LUMENS: (usize, u32) = (12, 1);
 
     fn opened(bytes: Vec<u8>) -> Result<(Facts, Vec<RawRay>), Error> {
-        let set = open(Arc::new(bytes), &Limits::default())?;
-        let mut rays = Vec::new();
-        set.records.read(0, set.facts.ray_count as usize, &mut rays)?;
-        Ok((set.facts, rays))
+        open(Arc::new(bytes), &Limits::default())?.read_all()
     }
 
     #[test]

@@ -12,6 +12,7 @@ mod zip;
 #[cfg(test)]
 mod tests;
 
+use super::foreign::{GLDF_PRODUCT, gldf};
 use super::own::{MODEL, model};
 use super::record::Bytes;
 use crate::error::Error;
@@ -106,8 +107,11 @@ pub fn no_ray_file<'a>(files: impl ExactSizeIterator<Item = (&'a str, &'a str, &
     if files.iter().any(|(_, code, found)| *code == MODEL && found.contains("emitter.glb")) {
         return model();
     }
+    if files.iter().any(|(name, ..)| *name == GLDF_PRODUCT) {
+        return gldf();
+    }
     let told = match files.as_slice() {
-        [] => "The archive contains no file.".to_owned(),
+        [] => "The archive contains no ray file: it is empty.".to_owned(),
         [(name, code, found)] => format!("The archive contains no ray file, only {name:?} ({code}): {found}"),
         _ => {
             let named: Vec<String> =

@@ -248,10 +248,9 @@ mod tests {
     use crate::formats::record::{EQUAL_SHARES, RawRay, SpectralData};
 
     fn with(text: &str, columns: Option<&[Column]>) -> Result<(Facts, RawRay), Error> {
-        let set = open(Arc::new(text.as_bytes().to_vec()), columns, &Limits::default())?;
-        let mut rays = Vec::new();
-        set.records.read(0, set.facts.ray_count as usize, &mut rays)?;
-        Ok((set.facts, rays[0]))
+        open(Arc::new(text.as_bytes().to_vec()), columns, &Limits::default())?
+            .read_all()
+            .map(|(facts, rays)| (facts, rays[0]))
     }
 
     fn opened(text: &str) -> Result<(Facts, RawRay), Error> {

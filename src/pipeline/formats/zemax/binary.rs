@@ -331,10 +331,7 @@ mod tests {
     const COLORED: &[f32] = &[1.0, 2.0, 0.5, 0.0, 0.0, 1.0, 0.125, 0.45];
 
     fn opened(bytes: Vec<u8>) -> Result<(Facts, Vec<RawRay>), Error> {
-        let set = open(Arc::new(bytes), &Limits::default())?;
-        let mut rays = Vec::new();
-        set.records.read(0, set.facts.ray_count as usize, &mut rays)?;
-        Ok((set.facts, rays))
+        open(Arc::new(bytes), &Limits::default())?.read_all()
     }
 
     #[test]

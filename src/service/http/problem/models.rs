@@ -2,6 +2,7 @@
 
 use super::Problem;
 use axum::http::StatusCode;
+use pipeline::Renderer;
 
 impl Problem {
     /// An evaluation takes longer than an answer may.
@@ -20,10 +21,20 @@ impl Problem {
         Problem::new(status, "combination.too_long", title, detail)
             .remedy("Combine fewer models, or use the command lampwright combine.")
     }
+
+    /// What only models have is asked of `job`, which is an evaluation of the model of job `of`.
+    pub fn of_evaluation(job: &str, of: &str) -> Problem {
+        let detail = format!(
+            "The job {job} is an evaluation of the model of job {of}: it makes one file of numbers, and no model."
+        );
+        Problem::new(StatusCode::NOT_FOUND, "evaluation.no_model", "An evaluation is no model", detail)
+            .remedy(format!("Ask for this of job {of}. The file of the evaluation is at /v1/jobs/{job}/artifacts."))
+    }
+
     /// No files are made for this renderer.
     pub fn no_renderer(name: &str) -> Problem {
         let detail = format!("No files are made for {name:?}.");
         Problem::new(StatusCode::NOT_FOUND, "adapter.not_found", "No such renderer", detail)
-            .remedy("Name one of blender, mitsuba, radiance.")
+            .remedy(format!("Name one of {}.", Renderer::ALL.map(Renderer::name).join(", ")))
     }
 }
