@@ -171,7 +171,7 @@ fn a_model_turned_by_quarters_and_moved_sends_the_same_light_there() {
         let lamp = component(name, &Options::default());
         let before = stored(&lamp);
         let shift_mm = DVec3::new(4.0, -2.0, 7.0);
-        let there = |model, kind, turn: DMat3| {
+        let there = |model: &StoredModel, kind, turn: DMat3| {
             values(model, View::Directions(directions().into_iter().map(|own| turn * own).collect()), kind)
         };
         let kinds = [Kind::Radiant, Kind::Luminous, Kind::Spectrum];
