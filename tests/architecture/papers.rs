@@ -1,4 +1,4 @@
-//! What comments and pages cite is in the repository.
+//! What comments and pages cite is in the repository, and what is tested is run.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -42,6 +42,25 @@ fn missing(root: &Path, file: &Path, text: &str) -> Vec<String> {
     let cited = cited(text);
     let found = cited.iter().filter(lost).chain(dead);
     found.map(|name| format!("{}: {name} is not there", file.display())).collect()
+}
+
+/// The tests of `manifest` that `script`, which names those it runs, does not run.
+fn left_out(manifest: &str, script: &str) -> Vec<String> {
+    let tests = manifest.split("[[test]]").skip(1).filter_map(|rest| rest.split('"').nth(1));
+    let is_run = |name: &str| script.split("--test ").skip(1).any(|rest| rest.split([' ', '\n']).next() == Some(name));
+    tests.filter(|name| !is_run(name)).map(str::to_owned).collect()
+}
+
+#[test]
+fn every_test_of_the_manifest_is_run() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let text = |name: &str| fs::read_to_string(root.join(name)).unwrap();
+    let manifest = text("Cargo.toml");
+    assert_eq!(left_out(&manifest, &text("tests/run")), [""; 0]);
+    assert_eq!(
+        left_out(&(manifest + "[[test]]\nname = \"proc\"\n"), "--test process\n--test api"),
+        ["architecture", "pipeline", "accuracy", "crash", "proc"]
+    );
 }
 
 #[test]

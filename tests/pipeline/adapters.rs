@@ -1,6 +1,6 @@
 //! What the files of the adapters hold, against what is known of the sources. That renderers find the same light in them, `tests/judges` shows.
 
-use super::known_sources::built;
+use super::models::{Way, made};
 use super::read_back::read_back;
 use glam::DVec3;
 use pipeline::adapters::{Adapted, Renderer, adapt};
@@ -17,7 +17,7 @@ const LM_PER_W: f64 = 179.0;
 const LUMINANCE: [f64; 3] = [0.265, 0.670, 0.065];
 
 fn model(name: &str) -> StoredModel {
-    read_back(&built(&by_name(name).unwrap(), 40_000, &Options::default()).unwrap())
+    read_back(&made(name, 40_000, Way::Default))
 }
 
 fn text(adapted: &Adapted, name: &str) -> String {

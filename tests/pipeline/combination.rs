@@ -171,22 +171,25 @@ fn a_model_turned_by_quarters_and_moved_sends_the_same_light_there() {
         let lamp = component(name, &Options::default());
         let before = stored(&lamp);
         let shift_mm = DVec3::new(4.0, -2.0, 7.0);
+        let there = |model: &StoredModel, kind, turn: DMat3| {
+            values(model, View::Directions(directions().into_iter().map(|own| turn * own).collect()), kind)
+        };
+        let kinds = [Kind::Radiant, Kind::Luminous, Kind::Spectrum];
+        let expected_there = kinds.map(|kind| there(&before, kind, DMat3::IDENTITY));
+        let at = DVec3::new(0.5, 1.0, 6.0);
+        let expected_on_plane = values(&before, plane(at, DVec3::NEG_Z, DVec3::Y), Kind::Luminous);
         for (axis, degrees) in [(DVec3::X, 90.0), (DVec3::Z, 270.0), (DVec3::ONE, 120.0)] {
             let outcome = combined(&[turned(&lamp, axis, degrees, shift_mm)]).unwrap();
             assert!(outcome.notices.is_empty(), "{:?}", outcome.notices);
             let after = stored(&of(&outcome));
             let turn = DMat3::from_axis_angle(axis.normalize(), degrees.to_radians());
-            let there = |model, kind, turn: DMat3| {
-                values(model, View::Directions(directions().into_iter().map(|own| turn * own).collect()), kind)
-            };
-            for kind in [Kind::Radiant, Kind::Luminous, Kind::Spectrum] {
-                let [found, expected] = [there(&after, kind, turn), there(&before, kind, DMat3::IDENTITY)];
-                assert_same(&format!("{name}, {kind:?} about {axis} by {degrees}"), &found, &expected, 2e-5);
+            for (kind, expected) in kinds.into_iter().zip(&expected_there) {
+                let found = there(&after, kind, turn);
+                assert_same(&format!("{name}, {kind:?} about {axis} by {degrees}"), &found, expected, 2e-5);
             }
-            let at = DVec3::new(0.5, 1.0, 6.0);
-            let expected = values(&before, plane(at, DVec3::NEG_Z, DVec3::Y), Kind::Luminous);
             let moved = plane(turn * at + shift_mm, turn * DVec3::NEG_Z, turn * DVec3::Y);
-            assert_same(&format!("{name}, plane"), &values(&after, moved, Kind::Luminous), &expected, 1e-4);
+            let found = values(&after, moved, Kind::Luminous);
+            assert_same(&format!("{name}, plane"), &found, &expected_on_plane, 1e-4);
             assert_schema("report", bytes(&outcome.artifacts, report::NAME));
         }
     }

@@ -1,5 +1,6 @@
 //! Where the light is put, what is said of it, and rays drawn from the model.
 
+use super::models::{Way, made};
 use glam::{DQuat, DVec3};
 use pipeline::goniogram::SphereGrid;
 use pipeline::known_sources::{KnownSource, by_name, uniform};
@@ -18,6 +19,10 @@ const BEAM_RAYS: u64 = 100_000;
 
 fn built(source: &KnownSource, options: &Options) -> Result<Outcome, Error> {
     super::known_sources::built(source, RAYS, options)
+}
+
+fn by_default(name: &str) -> Arc<Outcome> {
+    made(name, RAYS, Way::Default)
 }
 
 fn with(emission: Emission) -> Options {
@@ -43,7 +48,7 @@ fn a_chip_whose_rays_start_on_a_box_is_found_in_its_plane() {
         let found = evaluator.irradiance(chip_mm + height_mm * DVec3::Z, DVec3::NEG_Z);
         found / above_the_chip_w_per_mm2(height_mm) - 1.0
     };
-    let focal = built(&source, &Options::default()).unwrap();
+    let focal = by_default("boxed-chip");
     let study = focal.model.study.as_ref().unwrap();
     let chosen = study.surface().unwrap();
     assert_eq!((chosen.surface(), study.candidates[0].surface()), ("plane", "origins"));
@@ -70,9 +75,8 @@ fn a_chip_whose_rays_start_on_a_box_is_found_in_its_plane() {
 #[test]
 fn the_proof_compares_colours_where_they_differ() {
     let figures = |name: &str| {
-        let outcome = built(&by_name(name).unwrap(), &Options::default()).unwrap();
-        let figures = outcome.model.study.unwrap().figures.into_iter();
-        figures.filter(|figure| figure.view.is_spectral()).collect::<Vec<_>>()
+        let study = by_default(name).model.study.clone().unwrap();
+        study.figures.into_iter().filter(|figure| figure.view.is_spectral()).collect::<Vec<_>>()
     };
     let colours = figures("four-chips");
     let views = [View::SpectralPlane(0.5), View::SpectralPlane(2.0), View::SpectralFarField];
@@ -102,8 +106,8 @@ fn images_of_rays_are_counted_as_one_ray() {
 fn light_from_everywhere_has_no_focal_surface() {
     let cylinder = by_name("cylinder").unwrap();
     assert_eq!(built(&cylinder, &with(Emission::Focus)).unwrap_err().code(), "emission.no_focus");
-    let auto = built(&cylinder, &Options::default()).unwrap();
-    assert_eq!(auto.model.study.unwrap().surface().unwrap().surface(), "volume");
+    let auto = by_default("cylinder");
+    assert_eq!(auto.model.study.as_ref().unwrap().surface().unwrap().surface(), "volume");
 }
 
 /// A cylinder that glows inside and can be seen through is a volume: its radiance is what the known source's integral along the line says,
@@ -111,14 +115,15 @@ fn light_from_everywhere_has_no_focal_surface() {
 #[test]
 fn a_glowing_cylinder_is_a_volume() {
     let source = by_name("cylinder").unwrap();
-    let volume = built(&source, &Options::default()).unwrap().model;
+    let outcome = by_default("cylinder");
+    let volume = &outcome.model;
     let nodes = &volume.volume.as_ref().unwrap().nodes;
     let sum: f64 = nodes.radiant_w.as_ref().unwrap().iter().sum();
     assert!((sum / source.radiant_w() - 1.0).abs() < 1e-9, "{sum} W");
     let columns: f64 = nodes.columns.iter().sum();
     let on_vertices: f64 = volume.surface.vertices.columns.iter().sum();
     assert!((columns / on_vertices - 1.0).abs() < 1e-9, "{columns} of {on_vertices} W in the bands");
-    let evaluator = Evaluator::new(&volume, Quantity::Radiant).unwrap();
+    let evaluator = Evaluator::new(volume, Quantity::Radiant).unwrap();
     let bounds = volume.hull.bounds_mm();
     let (mut square, mut power, mut lines) = (0.0, 0.0, 0);
     for (k, l, turn) in (0..20).flat_map(|k| (0..20).flat_map(move |l| (0..4).map(move |turn| (k, l, turn)))) {
@@ -327,7 +332,7 @@ fn a_belt_of_light_is_seen_from_its_axis() {
 fn drawn_rays_are_those_of_the_model() {
     const DRAWN: usize = 400_000;
     for name in ["phosphor-ring", "cylinder"] {
-        let outcome = built(&by_name(name).unwrap(), &Options::default()).unwrap();
+        let outcome = by_default(name);
         let model = &outcome.model;
         let evaluator = Evaluator::new(model, Quantity::Radiant).unwrap();
         let sampler = Sampler::new(&evaluator).unwrap();

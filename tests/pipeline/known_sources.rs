@@ -3,13 +3,14 @@
 //! Rays of a known source all carry the same flux, so flux is a count and its error is known. One million rays each; smoothing
 //! is off where statistics are tested, because it makes neighbouring cells share their noise.
 
+use super::models::{Way, made, unsmoothed};
 use pipeline::goniogram::{Goniogram, SphereGrid};
 use pipeline::known_sources::shape::Shape;
 use pipeline::known_sources::{KnownSource, all, by_name, write_tm25};
 use pipeline::model::Model;
 use pipeline::options::Zones;
 use pipeline::vocabulary::space::{Axis, Frame};
-use pipeline::{Declared, Error, Input, Limits, NoProgress, Options, Outcome, run};
+use pipeline::{Artifact, Declared, Error, Input, Limits, NoProgress, Options, Outcome, run};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 use support::statistics::{ALARM_Z, cell_mean, chi_square_z};
@@ -42,13 +43,6 @@ fn built_of(source: &KnownSource, bytes: Vec<u8>, options: &Options) -> Result<O
 
 fn outcome(source: &KnownSource, rays: u64, options: &Options) -> Outcome {
     built(source, rays, options).unwrap()
-}
-
-fn unsmoothed() -> Options {
-    let mut options = Options::default();
-    options.flux.smoothing = Some(false);
-    options.goniogram.smoothing = Some(false);
-    options
 }
 
 /// Rays counted in each cell, from intensities of rays of equal flux.
@@ -99,13 +93,14 @@ fn check_books(source: &KnownSource, model: &Model) {
 #[test]
 fn far_field_of_every_known_source_is_the_closed_form() {
     for source in all().into_iter().filter(KnownSource::shows_itself) {
-        let model = outcome(&source, RAYS, &unsmoothed()).model;
-        check_books(&source, &model);
+        let outcome = made(source.name, RAYS, Way::Unsmoothed);
+        let model = &outcome.model;
+        check_books(&source, model);
         let (grid, frame) = (&model.goniograms.grid, model.goniograms.frame);
         let share = |c: f64, gamma: f64| source.intensity_w_per_sr(frame.direction(c, gamma)) / source.radiant_w();
         let per_ray = source.radiant_w() / RAYS as f64;
         judge(source.name, &counts(&model.goniograms.total, grid, per_ray), &expected(grid, RAYS as f64, share));
-        spectra_sum_to_the_sources(&source, &model);
+        spectra_sum_to_the_sources(&source, model);
     }
 }
 
@@ -137,8 +132,8 @@ fn spectra_sum_to_the_sources(source: &KnownSource, model: &Model) {
 #[test]
 fn zones_of_lambertian_sources_are_cosines() {
     for name in ["flat-chip", "four-chips", "tilted-strip", "phosphor-ring"] {
-        let source = by_name(name).unwrap();
-        let model = outcome(&source, RAYS, &unsmoothed()).model;
+        let (source, outcome) = (by_name(name).unwrap(), made(name, RAYS, Way::Unsmoothed));
+        let model = &outcome.model;
         let (grid, frame) = (&model.goniograms.grid, model.goniograms.frame);
         assert!(model.goniograms.zones.len() >= 8, "{name}: {} zones", model.goniograms.zones.len());
         let share = |c: f64, gamma: f64| source.intensity_w_per_sr(frame.direction(c, gamma)) / source.radiant_w();
@@ -153,8 +148,8 @@ fn zones_of_lambertian_sources_are_cosines() {
 /// A uniform chip gives each zone flux in proportion to the area its vertices stand for.
 #[test]
 fn zones_of_a_uniform_chip_share_its_flux_by_area() {
-    let source = by_name("flat-chip").unwrap();
-    let model = outcome(&source, RAYS, &unsmoothed()).model;
+    let (source, outcome) = (by_name("flat-chip").unwrap(), made("flat-chip", RAYS, Way::Unsmoothed));
+    let model = &outcome.model;
     let area_mm2 = model.hull.total_area_mm2();
     assert!((area_mm2 / source.area_mm2() - 1.0).abs() < 1e-3, "area {area_mm2} mm²");
     let rays: Vec<f64> = model.goniograms.zones.iter().map(|zone| zone.goniogram.rays).collect();
@@ -285,10 +280,11 @@ fn the_number_of_threads_changes_no_byte() {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| outcome(&source, 100_000, &Options::default()).artifacts)
         };
-        let one = with_threads(1);
+        let (one, two, five) = (with_threads(1), made(name, 100_000, Way::OnTwoThreads), with_threads(5));
         assert!(one.len() >= 8);
-        for threads in [2, 5] {
-            for (a, b) in one.iter().zip(&with_threads(threads)) {
+        for (threads, others) in [(2, &two.artifacts), (5, &five)] {
+            assert_eq!(one.len(), others.len());
+            for (a, b) in one.iter().zip(others) {
                 assert!(a == b, "{name}, {threads} threads: {} differs", a.name);
             }
         }
@@ -305,15 +301,18 @@ fn the_order_of_the_rays_changes_no_byte() {
         let record = file(&source, 2).len() - file(&source, 1).len();
         let (header, rays) = bytes.split_at(bytes.len() - 100_000 * record);
         let rays: Vec<&[u8]> = rays.chunks(record).collect();
-        let artifacts = |order: Vec<&[u8]>| {
-            let bytes = [header, &order.concat()].concat();
-            let mut artifacts = built_of(&source, bytes, &Options::default()).unwrap().artifacts;
+        let of_the_model = |mut artifacts: Vec<Artifact>| {
             artifacts.retain(|artifact| !["README.txt", "report.json"].contains(&artifact.name.as_str()));
             artifacts
         };
-        let as_written = artifacts(rays.clone());
+        let artifacts = |order: Vec<&[u8]>| {
+            let bytes = [header, &order.concat()].concat();
+            of_the_model(built_of(&source, bytes, &Options::default()).unwrap().artifacts)
+        };
+        let as_written = of_the_model(made(name, 100_000, Way::OnTwoThreads).artifacts.clone());
         let backwards = artifacts(rays.iter().rev().copied().collect());
         let sevenths = artifacts((0..7).flat_map(|first| rays.iter().skip(first).step_by(7).copied()).collect());
+        assert_eq!([backwards.len(), sevenths.len()], [as_written.len(); 2]);
         for ((a, b), c) in as_written.iter().zip(&backwards).zip(&sevenths) {
             assert!(a == b && a == c, "{name}: {} differs", a.name);
         }

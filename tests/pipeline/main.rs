@@ -10,6 +10,7 @@ mod declarations;
 mod emission;
 mod inspection;
 mod known_sources;
+mod models;
 mod prefixes;
 mod new_rays;
 mod packed;

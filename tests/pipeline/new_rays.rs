@@ -1,5 +1,6 @@
 //! New rays of models that were read back from their own files: against the model, and against the sources' closed forms.
 
+use super::models::{Way, made};
 use super::read_back::read_back;
 use glam::DVec3;
 use pipeline::artifacts::read::StoredModel;
@@ -20,7 +21,7 @@ use support::statistics::{ALARM_Z, cell_mean, chi_square_z};
 
 /// The model of 200 000 rays of a known source, back from its files.
 fn stored(name: &str) -> StoredModel {
-    read_back(&super::known_sources::built(&by_name(name).unwrap(), 200_000, &Options::default()).unwrap())
+    read_back(&made(name, 200_000, Way::Default))
 }
 
 fn asked(count: u64, seed: u64, target: Target) -> Request {

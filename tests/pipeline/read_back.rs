@@ -1,11 +1,12 @@
 //! A model read back from its two files is the model that was written, to the rounding of the files.
 
+use super::models::{Way, made};
 use glam::DVec3;
 use pipeline::artifacts::read::{StoredModel, read};
 use pipeline::artifacts::{gltf, goniograms};
 use pipeline::known_sources::all;
 use pipeline::model::evaluation::{Evaluator, Quantity};
-use pipeline::{Limits, Options, Outcome};
+use pipeline::{Limits, Outcome};
 
 /// The model that the files of `outcome` hold.
 pub fn read_back(outcome: &Outcome) -> StoredModel {
@@ -28,7 +29,7 @@ fn directions() -> impl Iterator<Item = DVec3> {
 #[test]
 fn known_sources_come_back_from_their_files() {
     for source in all() {
-        let outcome = super::known_sources::built(&source, 100_000, &Options::default()).unwrap();
+        let outcome = made(source.name, 100_000, Way::OnTwoThreads);
         let (model, stored) = (&outcome.model, read_back(&outcome));
         for quantity in [Quantity::Radiant, Quantity::Luminous] {
             let own = Evaluator::new(model, quantity).unwrap();
