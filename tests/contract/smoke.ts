@@ -36,7 +36,7 @@ for (const deadline = Date.now() + 240_000; job.state === "queued" || job.state 
   job = asked.data;
 }
 assert.equal(job.state, "succeeded", job.problem?.detail);
-assert.deepEqual(job.options.goniogram?.zones, { columns: 2, rows: 1 });
+assert.deepEqual(job.options?.goniogram?.zones, { columns: 2, rows: 1 });
 
 const listed = await client.GET("/v1/jobs/{id}/artifacts", { params: { path: { id } } });
 const zip = await client.GET("/v1/jobs/{id}/model.zip", { params: { path: { id } }, parseAs: "blob" });
