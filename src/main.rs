@@ -72,6 +72,8 @@ fn main() -> ExitCode {
     let read = command.try_get_matches().and_then(|found| CommandLine::from_arg_matches(&found));
     let arguments = match read {
         Ok(arguments) => arguments,
+        // Of a verb that wants another, its help is all that there is to tell.
+        Err(told) if told.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => told.exit(),
         Err(error) if error.use_stderr() => return Failure::from(error.format(&mut CommandLine::command())).report(),
         // Help and version, which were asked for.
         Err(told) => told.exit(),

@@ -102,15 +102,16 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         take: arguments.take.map(|rays| Take { rays, seed: arguments.take_seed }),
         shuffle: arguments.shuffle,
     };
-    let file = file.of_size(least_bytes(&inputs, arguments.take))?;
+    let file = file.of_size(expected_bytes(&inputs, arguments.take))?;
     let converted = write(&inputs, &wanted, &file)?;
     output::print(summary(&inputs, &converted, format, path))
 }
 
-/// Bytes that the file has at least: of as many rays as the headers claim, where what is wrong is told later.
-fn least_bytes(inputs: &[Input], take: Option<u64>) -> u64 {
+/// Bytes of the smallest records of as many rays as the headers claim, or are taken of them; what is wrong with a header is told later.
+fn expected_bytes(inputs: &[Input], take: Option<u64>) -> u64 {
     let claimed = |input| pipeline::header(input, &Limits::default()).map_or(0, |header| header.ray_count);
-    LEAST_RAY_BYTES.saturating_mul(take.unwrap_or_else(|| inputs.iter().map(claimed).sum()))
+    let rays: u64 = inputs.iter().map(claimed).sum();
+    LEAST_RAY_BYTES.saturating_mul(take.map_or(rays, |take| take.min(rays)))
 }
 
 /// The format of a ray file to be written.
@@ -242,13 +243,16 @@ mod tests {
     }
 
     #[test]
-    fn a_file_for_which_there_is_no_room_is_not_begun() {
+    fn room_is_asked_for_as_many_rays_as_there_are() {
         let folder = tempfile::tempdir().unwrap();
         let lamp = lamp(folder.path());
         let input = channel_argument::channel(lamp.to_str().unwrap()).unwrap().open().unwrap();
-        assert_eq!(least_bytes(&[input], None), 28_000);
+        let inputs = [input];
+        for (take, bytes) in [(None, 28_000), (Some(10), 280), (Some(u64::MAX), 28_000)] {
+            assert_eq!(expected_bytes(&inputs, take), bytes);
+        }
         let most = Arguments { take: Some(u64::MAX), ..asked(&lamp, &folder.path().join("out.dat")) };
-        assert!(run(&most).unwrap_err().to_string().contains("output.no_space"));
+        assert!(run(&most).unwrap_err().to_string().contains("convert.take_too_many"));
         assert_eq!(names(folder.path()), ["lamp.tm25ray"]);
     }
 

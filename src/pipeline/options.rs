@@ -88,7 +88,7 @@ pub struct GoniogramOptions {
     pub nadir_axis: Option<Axis>,
     /// The source axis that points to C0; must not be parallel to `nadir_axis`. Default: the next axis in cyclic order.
     pub c0_axis: Option<Axis>,
-    /// Step of the γ angle, degrees; must divide 180. Default: follows from the beam width, at most 2.5.
+    /// Step of the γ angle, degrees; must divide 180. Default: follows from the width of the beam or belt and from the number of zones, at most 5.
     #[schemars(range(min = *GAMMA_STEP_DEG.start(), max = *GAMMA_STEP_DEG.end()))]
     pub gamma_step_deg: Option<f64>,
     /// Step of the C angle, degrees; must divide 360. Default: 5.

@@ -125,6 +125,10 @@ fn a_wrong_line_has_a_code() {
     ] {
         says(&refused(line), &["error command.line\n  what   ", "\n  do     ", told, help]);
     }
+    for line in [&["keys"][..], &["evaluate"], &["tenants"]] {
+        let told = refused(line);
+        assert!(told.contains("\nUsage: lampwright") && !told.contains("command.line"), "{told}");
+    }
     for line in [&["--help"][..], &["convert", "--help"], &["--version"]] {
         let done = lampwright(line);
         assert!(done.status.success() && !done.stdout.is_empty() && done.stderr.is_empty());

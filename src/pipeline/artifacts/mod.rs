@@ -100,8 +100,8 @@ pub fn notices(model: &Model) -> Notices {
         notices.add(
             "artifacts.not_verified",
             format!(
-                "Nothing was proven: of {rays} rays that can be used none were compared with a model made of the others, so nothing tells how far \
-                 the model is from the lamp. Take a ray file with more rays."
+                "Nothing was proven: {rays} rays that can be used are too few for some of them to judge a model made of the others, so nothing tells \
+                 how far the model is from the lamp. Take a ray file with more rays."
             ),
         );
     }

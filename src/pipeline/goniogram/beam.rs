@@ -1,5 +1,6 @@
 //! How wide the beam is, which decides how fine its grid must be.
 
+use super::orientation::{BELT_DEG, FLUX_OF_BELT};
 use crate::inspection::beam::{Beam as Bundle, FARTHEST_DEG, NARROWEST_DEG, NODES_IN_BEAM};
 use crate::rays::direction_cube::DirectionCube;
 use glam::DVec3;
@@ -61,12 +62,9 @@ const GROWTH: f64 = 1.12;
 const C_PLANES: (f64, f64) = (72.0, 180.0);
 const C_STEPS_IN_BEAM: f64 = 6.0;
 
-/// Belts round the axis narrower than this in γ, degrees, have nodes of their own; nodes in their width, and the farthest apart elsewhere, degrees.
-const BELT_DEG: f64 = 24.0;
+/// Nodes in the width of a belt, and the farthest apart elsewhere, degrees.
 const NODES_IN_BELT: f64 = 10.0;
 const FARTHEST_FROM_BELT_DEG: f64 = 5.0;
-/// Part of the flux that a belt has at least.
-const FLUX_OF_BELT: f64 = 0.3;
 /// Bins of γ in which belts are looked for, and the rays that three of them must hold to be bright.
 const BINS: usize = 180;
 const RAYS_OF_BRIGHT_BINS: f64 = 64.0;
@@ -117,18 +115,18 @@ impl NarrowBeam {
         let end = (peak + 1..BINS).find(|bin| *bin == BINS - 1 || window(*bin).0 < half)?;
         let flux: f64 = bins[first..end].iter().map(|[flux, _]| flux).sum();
         let total: f64 = bins.iter().map(|[flux, _]| flux).sum();
-        let of_bins = 180.0 / BINS as f64;
-        let width_deg = (end - first) as f64 * of_bins;
+        let bin_deg = 180.0 / BINS as f64;
+        let width_deg = (end - first) as f64 * bin_deg;
         let is_belt = first > 1 && end < BINS - 1 && width_deg <= BELT_DEG && flux >= FLUX_OF_BELT * total;
         let mut beam = NarrowBeam {
             least_deg: width_deg,
             greatest_deg: 360.0,
-            axis_deg: 0.5 * (first + end) as f64 * of_bins,
+            axis_deg: 0.5 * (first + end) as f64 * bin_deg,
             is_belt,
             lit: 1.0,
         };
         let nodes = beam.nodes().0;
-        let is_lit = |gamma_deg: &&f64| bins[((**gamma_deg / of_bins) as usize).min(BINS - 1)][1] > 0.0;
+        let is_lit = |gamma_deg: &&f64| bins[((**gamma_deg / bin_deg) as usize).min(BINS - 1)][1] > 0.0;
         beam.lit = nodes.iter().filter(is_lit).count() as f64 / nodes.len() as f64;
         is_belt.then_some(beam)
     }

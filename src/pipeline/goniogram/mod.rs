@@ -273,14 +273,14 @@ fn narrow_beam(cloud: &Cloud<'_>, frame: &Frame, sample: &[Ray], options: &Gonio
 /// Most zones that follow the surface, so that all of their cells stay few: narrow beams, fine grids and many bands leave room for
 /// fewer zones.
 fn most_zones(cloud: &Cloud<'_>, frame: &Frame, options: &GoniogramOptions, narrow: Option<&NarrowBeam>) -> usize {
+    let most = if cloud.carrier == Carrier::Volume { MOST_ZONES_OF_VOLUME } else { MOST_ZONES };
     if let Some(beam) = narrow {
         let bands = if cloud.spectral().has_bands() { cloud.spectral().bands.len() } else { 0 };
-        return Grids::most_narrow_zones(beam, bands).clamp(1, MOST_ZONES);
+        return Grids::most_narrow_zones(beam, bands).clamp(1, most);
     }
     let directions = &cloud.source.survey.directions;
     let (gamma_deg, c_deg) = Grids::steps_deg(directions, frame, options, MOST_ZONES);
     let columns = COARSEST_CELLS * cloud.spectral().column_count().max(1) as f64;
     let by_columns = (MOST_COLUMNS / columns) as usize;
-    let most = if cloud.carrier == Carrier::Volume { MOST_ZONES_OF_VOLUME } else { MOST_ZONES };
     intensity::most_zones(directions, frame, gamma_deg, c_deg).min(by_columns).clamp(1, most)
 }

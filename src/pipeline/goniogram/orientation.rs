@@ -6,9 +6,12 @@ use crate::rays::direction_cube::CUBE_CELLS;
 use crate::rays::direction_cube::DirectionCube;
 use crate::vocabulary::space::{Axis, Frame};
 
-/// A belt of light is no wider than this, degrees, and has this part of the flux at least.
-const BELT_DEG: f64 = 24.0;
-const FLUX_OF_BELT: f64 = 0.6;
+/// A belt of light is no wider than this, degrees.
+pub const BELT_DEG: f64 = 24.0;
+/// Part of the flux that a belt has at least.
+pub const FLUX_OF_BELT: f64 = 0.5;
+/// The brightest side of a belt is at most so many times as bright as its darkest.
+const EVENNESS_OF_BELT: f64 = 1.3;
 
 /// Intensities closer together than this many standard errors are not told apart.
 const SIGMAS: f64 = 4.0;
@@ -33,13 +36,11 @@ pub fn frame(directions: &DirectionCube, options: &GoniogramOptions) -> Result<F
 fn brightest(directions: &DirectionCube) -> Axis {
     let faces: Vec<(Axis, Peak)> =
         Axis::ALL.into_iter().enumerate().map(|(face, axis)| (axis, peak(directions, face))).collect();
-    let highest = faces.iter().map(|(_, peak)| peak.low()).fold(0.0, f64::max);
-    let rivals: Vec<&(Axis, Peak)> = faces.iter().filter(|(_, peak)| peak.high() >= highest).collect();
-    if let [a, b, c, d] = rivals.as_slice()
-        && let Some(axis) = axis_of_belt(directions, [a.0, b.0, c.0, d.0])
-    {
+    if let Some(axis) = (0..3).find_map(|component| axis_of_belt(directions, &faces, component)) {
         return axis;
     }
+    let highest = faces.iter().map(|(_, peak)| peak.low()).fold(0.0, f64::max);
+    let rivals: Vec<&(Axis, Peak)> = faces.iter().filter(|(_, peak)| peak.high() >= highest).collect();
     let fullest = rivals.iter().map(|(_, peak)| peak.flux * (1.0 - SIGMAS * peak.flux_error)).fold(0.0, f64::max);
     rivals
         .iter()
@@ -47,10 +48,16 @@ fn brightest(directions: &DirectionCube) -> Axis {
         .map_or(Axis::PosZ, |(axis, _)| *axis)
 }
 
-/// The axis round which the light is a narrow belt that crosses four faces of the cube, equally bright; `None` where it is no belt.
-fn axis_of_belt(directions: &DirectionCube, faces: [Axis; 4]) -> Option<Axis> {
-    let is_pole = |axis: &Axis| faces.iter().all(|face| face.component() != axis.component());
-    let mut poles = Axis::ALL.into_iter().zip(directions.hemispheres()).filter(|(axis, _)| is_pole(axis));
+/// The axis along `component` round which the light is a narrow belt, that is: crosses the other four of the `faces`, about equally bright;
+/// `None` where it is no belt.
+fn axis_of_belt(directions: &DirectionCube, faces: &[(Axis, Peak)], component: usize) -> Option<Axis> {
+    let crossed = || faces.iter().filter(|(axis, _)| axis.component() != component).map(|(_, peak)| peak);
+    let brightest = crossed().map(Peak::low).fold(0.0, f64::max);
+    if crossed().any(|peak| peak.high() < brightest / EVENNESS_OF_BELT) {
+        return None;
+    }
+    let mut poles =
+        Axis::ALL.into_iter().zip(directions.hemispheres()).filter(|(axis, _)| axis.component() == component);
     let ((plus, share), (minus, other)) = poles.next().zip(poles.next())?;
     // Of two poles that cannot be told apart, the first.
     let error = 1.0 / (directions.rays.iter().sum::<u64>() as f64).sqrt();
@@ -139,6 +146,15 @@ mod tests {
             assert_eq!(brightest(&all_round(pole, belt(80.0))), axis);
         }
         assert_eq!(brightest(&all_round(DVec3::Z, belt(90.0))), Axis::PosZ);
+        assert_eq!(brightest(&all_round(DVec3::NEG_Z, belt(53.0))), Axis::NegZ);
+        let mut uneven = all_round(DVec3::Z, belt(80.0));
+        let brighter = |cell: usize| 1.0 + 0.05 * DirectionCube::center(cell).x;
+        uneven.flux.iter_mut().enumerate().for_each(|(cell, flux)| *flux *= brighter(cell));
+        uneven.rays.iter_mut().for_each(|rays| *rays *= 1000);
+        assert_eq!(brightest(&uneven), Axis::PosZ);
+        // Two beams to opposite sides are no belt.
+        let lobes = |gamma: f64| (-0.5 * (gamma.min(180.0 - gamma) / 8.0).powi(2)).exp();
+        assert_eq!(brightest(&all_round(DVec3::X, lobes)).component(), 0);
         // The field of a Lambertian tube along z; and light that is equal everywhere.
         let tube = brightest(&all_round(DVec3::Z, |gamma| gamma.to_radians().sin()));
         assert!(tube.component() != 2, "{tube:?}");

@@ -37,7 +37,7 @@ impl Legible {
 }
 
 impl Formatter for Legible {
-    /// Nothing is less than nothing: -0.0 is 0.0.
+    /// -0.0 is written as 0.0.
     fn write_f64<W: ?Sized + io::Write>(&mut self, writer: &mut W, value: f64) -> io::Result<()> {
         CompactFormatter.write_f64(writer, value + 0.0)
     }
