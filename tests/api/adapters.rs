@@ -84,7 +84,7 @@ async fn what_cannot_be_made_is_told() {
     let nobody = "/v1/jobs/0190b5a0-0000-7000-8000-000000000000/adapters/mitsuba";
     site.get(nobody).await.is_problem(404, "job.not_found");
     // A job without a model, as one that has not succeeded.
-    Site::is_no_model("adapters/mitsuba").await;
+    Site::assert_is_no_model("adapters/mitsuba").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

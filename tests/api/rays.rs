@@ -96,7 +96,7 @@ async fn what_cannot_be_drawn_is_told() {
     }
     site.get("/v1/jobs/0190b5a0-0000-7000-8000-000000000000/rays?count=1").await.is_problem(404, "job.not_found");
     // A job without a model, as one that has not succeeded.
-    Site::is_no_model("rays?count=1").await;
+    Site::assert_is_no_model("rays?count=1").await;
 }
 
 /// Ten million million bytes begin at once and end when nobody reads them any more; half of the eight places are one tenant's, and no more.

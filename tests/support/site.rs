@@ -309,7 +309,7 @@ impl Site {
     }
 
     /// What only a model has is asked at `under` of a job that has none, as one that has not succeeded.
-    pub async fn is_no_model(under: &str) {
+    pub async fn assert_is_no_model(under: &str) {
         let site = Site::start(prompt()).await;
         let job = site.job(&site.ray_set().await).await;
         site.until_state(&job, "succeeded").await;

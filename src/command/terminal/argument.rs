@@ -151,9 +151,10 @@ pub fn vector(text: &str) -> Result<Vector, String> {
 
 /// A direction: `+Z`, or three numbers.
 pub fn direction(text: &str) -> Result<Vector, String> {
-    let named = Axis::parse(text.trim()).map(Axis::vector);
-    let direction = named.ok_or(()).or_else(|()| vector(text));
-    direction.map_err(|_| "write an axis, as +Z, or three numbers, as 0,0,1".to_owned())
+    match Axis::parse(text.trim()) {
+        Some(axis) => Ok(axis.vector()),
+        None => vector(text).map_err(|_| "write an axis, as +Z, or three numbers, as 0,0,1".to_owned()),
+    }
 }
 
 /// `90,45`: two numbers.
