@@ -53,7 +53,8 @@ fn brightest(directions: &DirectionCube) -> Axis {
 fn axis_of_belt(directions: &DirectionCube, faces: &[(Axis, Peak)], component: usize) -> Option<Axis> {
     let crossed = || faces.iter().filter(|(axis, _)| axis.component() != component).map(|(_, peak)| peak);
     let brightest = crossed().map(Peak::low).fold(0.0, f64::max);
-    if crossed().any(|peak| peak.high() < brightest / EVENNESS_OF_BELT) {
+    // Of very few rays nothing is known.
+    if brightest == 0.0 || crossed().any(|peak| peak.high() < brightest / EVENNESS_OF_BELT) {
         return None;
     }
     let mut poles =
@@ -152,6 +153,10 @@ mod tests {
         uneven.flux.iter_mut().enumerate().for_each(|(cell, flux)| *flux *= brighter(cell));
         uneven.rays.iter_mut().for_each(|rays| *rays *= 1000);
         assert_eq!(brightest(&uneven), Axis::PosZ);
+        // A few rays along z are no belt round x.
+        let mut few = DirectionCube::dark();
+        (0..9).for_each(|k| few.add(DVec3::new(0.01 * f64::from(k), 0.0, 1.0), 1.0));
+        assert_eq!(brightest(&few), Axis::PosZ);
         // Two beams to opposite sides are no belt.
         let lobes = |gamma: f64| (-0.5 * (gamma.min(180.0 - gamma) / 8.0).powi(2)).exp();
         assert_eq!(brightest(&all_round(DVec3::X, lobes)).component(), 0);
