@@ -32,7 +32,6 @@ use patch::patch;
 use rayon::prelude::*;
 pub use sample::Sample;
 use sharpness::{Search, Sharp};
-use std::collections::VecDeque;
 use std::f64::consts::PI;
 use symmetric_spectrum::has_symmetric_spectrum;
 use verification::{BandGroups, GROUPS, verify};
@@ -79,48 +78,44 @@ pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageW
     if sample.training.rays.len() < FEWEST_RAYS || sample.held_out.is_empty() {
         return Ok(Chosen { carrier: open[0], study: None, sample });
     }
-    let mut study = Study {
-        training_rays: sample.training.rays.len() as u64,
-        compared_rays: sample.held_out.len() as u64,
-        ..Study::default()
-    };
     let mut options = options.clone();
     options.hull.resolution = options.hull.resolution.map(|cells| cells.min(MOST_CELLS));
     let groups = BandGroups::of(source, &sample.training.rays);
     // The one that will be verified has its spectrum, where that is to be compared; those that are only compared do without.
-    let is_only = matches!(open.make_contiguous(), [Carrier::Origins | Carrier::Volume]);
-    let mut best: Option<(Model, Vec<f64>)> = None;
+    let is_only = matches!(open[..], [Carrier::Origins | Carrier::Volume]);
+    let mut compared = Compared::of(&sample);
     let mut left = watch.part(SEARCHED, COMPARED);
-    while let Some(carrier) = open.pop_front() {
-        let part = left.part(0.0, 0.4);
-        left = left.part(0.4, 1.0);
-        let with_spectrum = Cloud::sampled(source, &sample.training, carrier);
-        let cloud = if is_only && groups.is_some() { with_spectrum } else { with_spectrum.plain() };
-        match Model::build(&cloud, None, &options, limits, |stage| Ok(part_of(part, stage))) {
-            // What is too much for the options is so for all rays too, and said there.
-            Err(Error::Refused(_)) if study.candidates.is_empty() && carrier.patch().is_none() => {
-                return Ok(Chosen { carrier, study: None, sample });
-            }
-            // What does not go with the options is no choice.
-            Err(Error::Refused(_)) if emission == Emission::Auto => {}
-            Err(error) => return Err(error),
-            Ok(model) => {
-                let judged = log_radiances(&model, source, &sample.held_out);
-                let gain = best.as_ref().map(|(_, best)| gain(&judged, best, &sample.held_out));
-                study.candidates.push(Candidate { carrier, log_radiance: mean(&judged, &sample.held_out), gain });
-                if gain.is_none_or(|(gain, error)| gain > SURELY * error) {
-                    best = Some((model, judged));
-                    study.chosen = study.candidates.len() - 1;
+    while !open.is_empty() {
+        // They are made side by side; what is told of their progress is where all of them began.
+        let begun = left.part(0.0, 0.0);
+        left = left.part(0.7, 1.0);
+        let build = |carrier: &Carrier| -> Result<(Model, Vec<f64>), Error> {
+            let with_spectrum = Cloud::sampled(source, &sample.training, *carrier);
+            let cloud = if is_only && groups.is_some() { with_spectrum } else { with_spectrum.plain() };
+            let model = Model::build(&cloud, None, &options, limits, |_| Ok(begun))?;
+            let judged = log_radiances(&model, source, &sample.held_out);
+            Ok((model, judged))
+        };
+        let built: Vec<Result<(Model, Vec<f64>), Error>> = open.par_iter().map(build).collect();
+        for (carrier, built) in open.iter().zip(built) {
+            match built {
+                // What is too much for the options is so for all rays too, and said there.
+                Err(Error::Refused(_)) if compared.study.candidates.is_empty() && carrier.patch().is_none() => {
+                    return Ok(Chosen { carrier: *carrier, study: None, sample });
                 }
+                // What does not go with the options is no choice.
+                Err(Error::Refused(_)) if emission == Emission::Auto => {}
+                Err(error) => return Err(error),
+                Ok((model, judged)) => compared.add(*carrier, model, judged, &sample.held_out),
             }
         }
-        if open.is_empty() {
-            open.extend(more_symmetric(carrier, &study, |patch| {
-                let parts = |ray: &Ray| spectral_parts(groups.as_ref(), ray);
-                has_symmetric_spectrum(patch, &sample.training.rays, parts)
-            }));
-        }
+        let more = more_symmetric(open[open.len() - 1], &compared.study, |patch| {
+            let parts = |ray: &Ray| spectral_parts(groups.as_ref(), ray);
+            has_symmetric_spectrum(patch, &sample.training.rays, parts)
+        });
+        open = more.into_iter().collect();
     }
+    let Compared { mut study, best } = compared;
     let carrier = study.candidates[study.chosen].carrier;
     if let Some((best, _)) = best {
         let cloud = Cloud::sampled(source, &sample.training, carrier);
@@ -130,6 +125,30 @@ pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageW
         verify(&model, source, &sample, groups.as_ref(), &mut study, watch.part(JUDGED, 1.0))?;
     }
     Ok(Chosen { carrier, study: Some(study), sample })
+}
+
+/// The candidates that were compared, and the best of them.
+struct Compared {
+    study: Study,
+    /// With the logarithms of the radiance that it gives to the lines of the rays held out.
+    best: Option<(Model, Vec<f64>)>,
+}
+
+impl Compared {
+    fn of(sample: &Sample) -> Compared {
+        let (training_rays, compared_rays) = (sample.training.rays.len() as u64, sample.held_out.len() as u64);
+        Compared { study: Study { training_rays, compared_rays, ..Study::default() }, best: None }
+    }
+
+    /// The next one, which gives the lines of `rays` radiances of the logarithms `judged`.
+    fn add(&mut self, carrier: Carrier, model: Model, judged: Vec<f64>, rays: &[Ray]) {
+        let gain = self.best.as_ref().map(|(_, best)| gain(&judged, best, rays));
+        self.study.candidates.push(Candidate { carrier, log_radiance: mean(&judged, rays), gain });
+        if gain.is_none_or(|(gain, error)| gain > SURELY * error) {
+            self.best = Some((model, judged));
+            self.study.chosen = self.study.candidates.len() - 1;
+        }
+    }
 }
 
 /// The part of a candidate's watch that is a stage's.
@@ -174,7 +193,7 @@ fn carriers(
     source: &Source,
     emission: Emission,
     watch: StageWatch<'_>,
-) -> Result<VecDeque<Carrier>, Error> {
+) -> Result<Vec<Carrier>, Error> {
     let rays = &sample.training.rays;
     let focal = || -> Result<Vec<Carrier>, Error> {
         let patches = focal_patches(rays, source, emission == Emission::Auto, watch)?;
@@ -194,7 +213,7 @@ fn carriers(
     if carriers.is_empty() {
         return Err(no_focus("The rays have no surface on which they are sharper than anywhere else."));
     }
-    Ok(carriers.into())
+    Ok(carriers)
 }
 
 fn no_focus(found: &str) -> Error {

@@ -61,12 +61,20 @@ impl Surface {
     }
 }
 
+/// A ray, or an image of one, on the surface.
+pub struct Laid<'a> {
+    /// Where it landed.
+    pub landing: &'a Landing,
+    /// Its deposit, shared among the corners of the triangle.
+    pub parts: &'a [Deposit; 3],
+}
+
 /// Lays every ray on the hull, of a symmetric source all of its images. For each chunk of rays, on any thread, `begin` makes what is told
-/// of each ray or image where it landed, if it did, and of its part of the flux.
+/// of each ray or image how it was laid, if it was, and of its part of the flux.
 ///
 /// # Errors
 /// [`Error::Refused`] above [`Limits::max_tally_values`]; [`Error::Cancelled`], [`Error::Unreadable`].
-pub fn project<L: FnMut(&Ray, Option<&Landing>, &Deposit)>(
+pub fn project<L: FnMut(&Ray, Option<Laid<'_>>, &Deposit)>(
     cloud: &Cloud<'_>,
     hull: &Hull,
     options: &FluxOptions,
@@ -92,13 +100,17 @@ pub fn project<L: FnMut(&Ray, Option<&Landing>, &Deposit)>(
             squares[0] += part * ray.radiant_w * ray.radiant_w;
             squares[1] += part * ray.luminous_lm * ray.luminous_lm;
             projector.land_images(ray, |image, landing| {
-                laid(image, landing.as_ref(), &deposit);
-                let Some(landing) = landing else { return met[REJECTED].gather(&deposit, 1) };
+                let Some(landing) = landing else {
+                    laid(image, None, &deposit);
+                    return met[REJECTED].gather(&deposit, 1);
+                };
+                let parts = deposit.split(landing.shares);
+                laid(image, Some(Laid { landing: &landing, parts: &parts }), &deposit);
                 let times = landing.image.map_or(1, |_| image_count as u64);
                 met[if landing.fate == Fate::Hit { HIT } else { SNAPPED }].gather(&deposit, times);
                 triangles.add(landing.triangle, &deposit);
-                for (vertex, part) in hull.triangles[landing.triangle].iter().zip(deposit.split(landing.shares)) {
-                    vertices.add(*vertex as usize, &part);
+                for (vertex, part) in hull.triangles[landing.triangle].iter().zip(&parts) {
+                    vertices.add(*vertex as usize, part);
                 }
             });
         }

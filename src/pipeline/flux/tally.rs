@@ -246,11 +246,16 @@ impl Adding<'_> {
             };
             row.iter().zip(deposit.fixed).take(fixed).for_each(|(sum, amount)| add(sum, amount));
             columns.iter().for_each(|(column, amount)| add(&row[fixed + column], *amount));
-        } else {
-            let row = &mut self.own[row];
-            row.iter_mut().zip(deposit.fixed).take(fixed).for_each(|(sum, amount)| *sum += amount);
-            columns.iter().for_each(|(column, amount)| row[fixed + column] += amount);
+            return;
         }
+        let row = &mut self.own[row];
+        // A number of values that is known when this is compiled takes no loop.
+        if fixed == FIXED
+            && let Some(sums) = row.first_chunk_mut::<FIXED>()
+        {
+            sums.iter_mut().zip(deposit.fixed).for_each(|(sum, amount)| *sum += amount);
+        }
+        columns.iter().for_each(|(column, amount)| row[fixed + column] += amount);
     }
 }
 

@@ -4,9 +4,8 @@ use super::images::{Groups, images_of_cells};
 use super::intensity::{Grids, Measured};
 use super::sphere::SphereGrid;
 use crate::error::Error;
-use crate::flux::Amounts;
-use crate::flux::project::Landing;
 use crate::flux::tally::{self, Deposit, Kept, Quanta, Tally};
+use crate::flux::{Amounts, Laid};
 use crate::source::Spectral;
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::space::Frame;
@@ -120,11 +119,11 @@ impl Counting {
 }
 
 impl Adding<'_> {
-    /// Adds what a ray deposits that `landing` lays between `corners`, by their shares; `(C, γ)` of its `direction` in radians.
+    /// Adds the `deposit` of a ray that was laid between `corners`; `(C, γ)` of its `direction` in radians.
     pub fn add(
         &mut self,
         corners: [u32; 3],
-        landing: &Landing,
+        Laid { landing, parts }: &Laid<'_>,
         direction: DVec3,
         angles: (f64, f64),
         deposit: &Deposit,
@@ -140,20 +139,21 @@ impl Adding<'_> {
             (Counting::ByGroup([fine, spectral]), Some(number)) => {
                 let [cell, wide] = cells(angles);
                 let at = [fine[number][cell] as usize, spectral[number][wide] as usize];
-                self.put(own, landing.shares, at, deposit);
+                self.put(own, at, (deposit, parts));
             }
-            (Counting::ByGroup(_), None) => self.put(own, landing.shares, cells(angles), deposit),
-            (Counting::ByZone(_), None) => self.put(zones(0), landing.shares, cells(angles), deposit),
+            (Counting::ByGroup(_), None) => self.put(own, cells(angles), (deposit, parts)),
+            (Counting::ByZone(_), None) => self.put(zones(0), cells(angles), (deposit, parts)),
             (Counting::ByZone(maps), Some(number)) => {
                 let landed = maps[number] * direction;
                 for (image, map) in maps.iter().enumerate() {
-                    self.put(zones(image), landing.shares, cells(frame.angles(*map * landed)), deposit);
+                    self.put(zones(image), cells(frame.angles(*map * landed)), (deposit, parts));
                 }
             }
         }
     }
 
-    fn put(&mut self, sites: [u32; 3], shares: [f64; 3], [cell, wide]: [usize; 2], deposit: &Deposit) {
+    /// Adds the whole of a deposit to a site that all corners share, else its parts to their sites.
+    fn put(&mut self, sites: [u32; 3], [cell, wide]: [usize; 2], (deposit, parts): (&Deposit, &[Deposit; 3])) {
         let Grids { fine, spectral } = &self.counts.grids;
         let mut put = |site: u32, part: &Deposit| {
             self.fine.add(site as usize * fine.cell_count() + cell, part);
@@ -164,7 +164,7 @@ impl Adding<'_> {
         if sites[0] == sites[1] && sites[1] == sites[2] {
             put(sites[0], deposit);
         } else {
-            sites.iter().zip(deposit.split(shares)).for_each(|(site, part)| put(*site, &part));
+            sites.iter().zip(parts).for_each(|(site, part)| put(*site, part));
         }
     }
 }
@@ -172,7 +172,7 @@ impl Adding<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flux::project::Projector;
+    use crate::flux::project::{Landing, Projector};
     use crate::hull::focal::{FocalGrid, FocalPatch, FocalSurface};
     use crate::hull::images::Images;
     use crate::hull::sheet;
@@ -225,7 +225,8 @@ mod tests {
                 let add = |counts: &Counts, ray: &Ray, landing: &Landing| {
                     let corners = hull.triangles[landing.triangle];
                     let angles = frame.angles(ray.direction);
-                    counts.adding().add(corners, landing, ray.direction, angles, &deposit);
+                    let parts = deposit.split(landing.shares);
+                    counts.adding().add(corners, &Laid { landing, parts: &parts }, ray.direction, angles, &deposit);
                 };
                 projector.land_images(&ray, |ray, landing| add(&once, ray, &landing.unwrap()));
                 for number in 0..patch.symmetry.images() {

@@ -30,9 +30,8 @@ pub use sphere::SphereGrid;
 pub use zone::{Lattice, Zone};
 
 use crate::error::Error;
-use crate::flux::Surface;
-use crate::flux::project::Landing;
 use crate::flux::tally::{Deposit, Quanta};
+use crate::flux::{Laid, Surface};
 use crate::hull::focal::FocalGrid;
 use crate::hull::images::Images;
 use crate::hull::{Carrier, Cloud, Hull};
@@ -161,13 +160,13 @@ pub struct Adding<'a> {
 impl Adding<'_> {
     /// Adds a ray that landed to the zones its triangle's corners belong to, by the weights at its landing point: a zone's flux is the
     /// flux of its vertices before smoothing.
-    pub fn add(&mut self, ray: &Ray, landing: &Landing, deposit: &Deposit) {
+    pub fn add(&mut self, ray: &Ray, laid: &Laid<'_>, deposit: &Deposit) {
         let Plan { zoning, narrow, .. } = self.plan;
         let direction = narrow.as_ref().map_or(ray.direction, |beam| beam.shown(ray.direction, hash(!ray.hash())));
         let angles = zoning.frame.angles(direction);
-        let corners = self.hull.triangles[landing.triangle];
+        let corners = self.hull.triangles[laid.landing.triangle];
         for counts in [Some(&mut self.zones), self.kinds.as_mut()].into_iter().flatten() {
-            counts.add(corners, landing, direction, angles, deposit);
+            counts.add(corners, laid, direction, angles, deposit);
         }
     }
 }

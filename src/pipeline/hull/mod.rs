@@ -11,6 +11,8 @@ pub mod symmetry;
 pub mod focal;
 /// Mirror images of the places of a symmetric grid.
 pub mod images;
+/// The rays that do not fit on a focal surface.
+mod loose;
 /// The hull on a focal surface.
 pub(crate) mod sheet;
 /// The regular lattice the six views share.
@@ -78,21 +80,9 @@ pub fn wrap(cloud: &Cloud<'_>, options: &HullOptions, limits: &Limits, watch: St
         return Ok(creases::cut(wrap_points(&pass, cloud.bounds_mm(), options, limits, watch)?));
     };
     options.validate()?;
-    sheet::wrap(cloud, patch, options.resolution, watch, |watch| {
-        let loose = |rays: &[Ray]| -> Vec<Ray> {
-            let alone: Vec<Ray> = rays.iter().filter(|ray| patch.meet(ray).is_none()).copied().collect();
-            patch.images(&alone)
-        };
-        let pass = |watch: StageWatch<'_>, visit: &(dyn Fn(&[Ray]) + Sync)| {
-            let visit_chunk = |rays: &[Ray]| {
-                visit(&loose(rays));
-                Ok(())
-            };
-            cloud.fold(watch, (), visit_chunk, |(), ()| ())
-        };
-        let bounds_of = |rays: &[Ray]| Ok(Bounds::of(loose(rays).iter().map(|ray| ray.origin_mm)));
-        let bounds_mm =
-            cloud.fold(watch.part(0.0, 0.2), Bounds::EMPTY, bounds_of, |all, part| *all = all.union(part))?;
+    sheet::wrap(cloud, patch, options.resolution, watch, |loose, watch| {
+        let bounds_mm = loose.bounds_mm(watch.part(0.0, 0.2))?;
+        let pass = |watch: StageWatch<'_>, visit: &(dyn Fn(&[Ray]) + Sync)| loose.pass(watch, visit);
         let options = HullOptions { resolution: None, max_edge_mm: None, ..options.clone() };
         Ok(creases::cut(wrap_points(&pass, bounds_mm, &options, limits, watch.part(0.2, 1.0))?))
     })

@@ -3,6 +3,7 @@
 use super::cloud::Cloud;
 use super::disjoint_sets::Groups;
 use super::focal::{FocalGrid, FocalPatch};
+use super::loose::Loose;
 use super::mesh::{Hull, Label};
 use super::symmetry::Symmetry;
 use crate::error::Error;
@@ -29,7 +30,7 @@ pub fn wrap(
     patch: FocalPatch,
     resolution: Option<u32>,
     watch: StageWatch<'_>,
-    wrap_loose: impl FnOnce(StageWatch<'_>) -> Result<Hull, Error>,
+    wrap_loose: impl FnOnce(&Loose<'_>, StageWatch<'_>) -> Result<Hull, Error>,
 ) -> Result<Hull, Error> {
     let extent_mm = patch.max_mm - patch.min_mm;
     let cell_mm = (patch.lit_mm2 * RAYS_PER_CELL / cloud.ray_count().max(1) as f64).sqrt();
@@ -45,26 +46,22 @@ pub fn wrap(
     };
     let cells = [along(extent_mm.x), along(extent_mm.y)];
     let lit: Vec<AtomicBool> = (0..cells[0] * cells[1]).map(|_| AtomicBool::new(false)).collect();
-    let has_loose = AtomicBool::new(false);
-    let look = |rays: &[Ray]| {
-        for ray in rays {
-            let crossing = patch.meet(ray);
-            let met = crossing.map(|crossing| &lit[FocalGrid::place(&patch, cells, crossing.at_mm).0]);
-            let flag = met.unwrap_or(&has_loose);
-            if !flag.load(Ordering::Relaxed) {
-                flag.store(true, Ordering::Relaxed);
-            }
+    let fits = |ray: &Ray| {
+        let Some(crossing) = patch.meet(ray) else { return false };
+        let lit = &lit[FocalGrid::place(&patch, cells, crossing.at_mm).0];
+        if !lit.load(Ordering::Relaxed) {
+            lit.store(true, Ordering::Relaxed);
         }
-        Ok(())
+        true
     };
-    cloud.fold(watch.part(0.0, 0.4), (), look, |(), ()| ())?;
+    let loose = Loose::of(cloud, patch, watch.part(0.0, 0.4), fits)?;
     let lit = patch.symmetry.spread(cells, lit.into_iter().map(AtomicBool::into_inner).collect());
     let sheet = of_grid(patch, cells, &lit);
-    if !has_loose.into_inner() {
+    if loose.is_empty() {
         watch.step(1.0)?;
         return Ok(sheet);
     }
-    let loose = wrap_loose(watch.part(0.4, 1.0))?;
+    let loose = wrap_loose(&loose, watch.part(0.4, 1.0))?;
     let mut grid = sheet.focal.clone();
     grid.iter_mut().for_each(|grid| grid.loose_cell_mm = loose.cell_mm);
     let hull = if sheet.triangles.is_empty() { loose } else { joined(sheet, &loose) };

@@ -28,9 +28,8 @@ pub mod channel;
 pub mod ancestor;
 
 use crate::error::Error;
-use crate::flux::project::Landing;
 use crate::flux::tally::Deposit;
-use crate::flux::{self, Surface};
+use crate::flux::{self, Laid, Surface};
 use crate::goniogram::{self, Goniograms};
 use crate::hull::{self, Carrier, Cloud, Hull};
 use crate::options::{Options, ZoneLayout};
@@ -90,15 +89,15 @@ impl Model {
             .transpose()?;
         let pilot = pilot.filter(|_| options.goniogram.zoning() == ZoneLayout::Auto).unwrap_or(cloud);
         let sketch = flux::project(pilot, &hull, &options.flux, limits, flux_stage.part(0.1, 0.3), || {
-            |_: &Ray, _: Option<&Landing>, _: &Deposit| ()
+            |_: &Ray, _: Option<Laid<'_>>, _: &Deposit| ()
         })?;
         let rays = cloud.ray_count() as f64 / pilot.ray_count().max(1) as f64;
         let plan = goniogram::plan(cloud, &hull, &sketch.of_more_rays(rays), sample, &options.goniogram, limits)?;
         let begin = || {
             let (mut zones, mut nodes) = (plan.adding(&hull), in_volume.as_ref().map(volume::Plan::adding));
-            move |ray: &Ray, landing: Option<&Landing>, deposit: &Deposit| {
-                if let Some(landing) = landing {
-                    zones.add(ray, landing, deposit);
+            move |ray: &Ray, laid: Option<Laid<'_>>, deposit: &Deposit| {
+                if let Some(laid) = laid {
+                    zones.add(ray, &laid, deposit);
                 }
                 if let Some(nodes) = &mut nodes {
                     nodes.add(ray, deposit);
