@@ -69,33 +69,40 @@ const FARTHEST_FROM_BELT_DEG: f64 = 5.0;
 const BINS: usize = 180;
 const RAYS_OF_BRIGHT_BINS: f64 = 64.0;
 
-/// A beam too narrow for even steps of γ: its least and greatest full width at half maximum, and the angle of its axis from γ = 0. Or a belt
-/// all round the axis of C, which is narrow in γ.
-pub struct NarrowBeam {
-    least_deg: f64,
-    greatest_deg: f64,
-    axis_deg: f64,
-    is_belt: bool,
-    /// Part of the nodes of γ that are lit.
-    lit: f64,
+/// Light too narrow for even steps of γ.
+pub enum NarrowLight {
+    /// Most rays lie near one direction.
+    Beam {
+        /// Least and greatest full width at half maximum, degrees.
+        widths_deg: [f64; 2],
+        /// Angle of its axis from γ = 0, degrees.
+        axis_deg: f64,
+    },
+    /// Light that goes all round the axis of C at nearly one γ, as that of a lens which sends it to the sides.
+    Belt {
+        /// Full width at half maximum, degrees.
+        width_deg: f64,
+        /// Its γ, degrees.
+        middle_deg: f64,
+        /// Part of its nodes of γ that are lit.
+        lit: f64,
+    },
 }
 
-impl NarrowBeam {
-    /// Of rays (unit directions and weights), most of them near the `brightest` direction; `None` where they are no narrow beam. γ = 0 at `nadir`.
-    pub fn of(rays: &[(DVec3, f64)], brightest: DVec3, nadir: DVec3) -> Option<NarrowBeam> {
-        NarrowBeam::of_bundle(rays, brightest, nadir).or_else(|| NarrowBeam::belt(rays, nadir))
+impl NarrowLight {
+    /// Of rays (unit directions and weights), most of them near the `brightest` direction; `None` where they are not narrow. γ = 0 at `nadir`.
+    pub fn of(rays: &[(DVec3, f64)], brightest: DVec3, nadir: DVec3) -> Option<NarrowLight> {
+        NarrowLight::beam(rays, brightest, nadir).or_else(|| NarrowLight::belt(rays, nadir))
     }
 
-    fn of_bundle(rays: &[(DVec3, f64)], brightest: DVec3, nadir: DVec3) -> Option<NarrowBeam> {
+    fn beam(rays: &[(DVec3, f64)], brightest: DVec3, nadir: DVec3) -> Option<NarrowLight> {
         let bundle = Bundle::of(rays, brightest).filter(|bundle| !bundle.wide)?;
         let (least_deg, greatest_deg) = bundle.gaussian_widths_deg();
         let axis_deg = nadir.cross(bundle.axis).length().atan2(nadir.dot(bundle.axis)).to_degrees();
-        let beam = NarrowBeam { least_deg, greatest_deg, axis_deg, is_belt: false, lit: 1.0 };
-        (beam.least_deg < NARROW_DEG).then_some(beam)
+        (least_deg < NARROW_DEG).then_some(NarrowLight::Beam { widths_deg: [least_deg, greatest_deg], axis_deg })
     }
 
-    /// Light that goes all round at nearly one γ, as that of a lens which sends it to the sides.
-    fn belt(rays: &[(DVec3, f64)], nadir: DVec3) -> Option<NarrowBeam> {
+    fn belt(rays: &[(DVec3, f64)], nadir: DVec3) -> Option<NarrowLight> {
         let mut bins = [[0.0; 2]; BINS];
         for (direction, weight) in rays {
             let gamma = nadir.cross(*direction).length().atan2(nadir.dot(*direction));
@@ -118,29 +125,27 @@ impl NarrowBeam {
         let bin_deg = 180.0 / BINS as f64;
         let width_deg = (end - first) as f64 * bin_deg;
         let is_belt = first > 1 && end < BINS - 1 && width_deg <= BELT_DEG && flux >= FLUX_OF_BELT * total;
-        let mut beam = NarrowBeam {
-            least_deg: width_deg,
-            greatest_deg: 360.0,
-            axis_deg: 0.5 * (first + end) as f64 * bin_deg,
-            is_belt,
-            lit: 1.0,
-        };
-        let nodes = beam.nodes().0;
+        let middle_deg = 0.5 * (first + end) as f64 * bin_deg;
+        let nodes = nodes_of_belt(middle_deg, width_deg);
         let is_lit = |gamma_deg: &&f64| bins[((**gamma_deg / bin_deg) as usize).min(BINS - 1)][1] > 0.0;
-        beam.lit = nodes.iter().filter(is_lit).count() as f64 / nodes.len() as f64;
-        is_belt.then_some(beam)
+        let lit = nodes.iter().filter(is_lit).count() as f64 / nodes.len() as f64;
+        is_belt.then_some(NarrowLight::Belt { width_deg, middle_deg, lit })
     }
 
-    /// Part of the nodes of γ that are lit.
+    /// Part of the nodes of γ that are lit, at most.
     pub fn lit(&self) -> f64 {
-        self.lit
+        match self {
+            NarrowLight::Beam { .. } => 1.0,
+            NarrowLight::Belt { lit, .. } => *lit,
+        }
     }
 
     /// A direction as it is counted: of a beam that is narrower than any grid, turned by a random angle that depends on the `seed` alone, so that the
     /// beam is a Gaussian of the least width.
     pub fn shown(&self, direction: DVec3, seed: u64) -> DVec3 {
-        if self.least_deg > NARROWEST_DEG {
-            return direction;
+        match self {
+            NarrowLight::Beam { widths_deg: [least_deg, _], .. } if *least_deg <= NARROWEST_DEG => {}
+            _ => return direction,
         }
         let part = |bits: u64| ((bits & 0xffff_ffff) as f64 + 0.5) / 4_294_967_296.0;
         let radius = (NARROWEST_DEG / 2.355).to_radians() * (-2.0 * part(seed).ln()).sqrt();
@@ -149,44 +154,59 @@ impl NarrowBeam {
         (direction + radius * (cos * u + sin * v)).normalize()
     }
 
-    /// Nodes of γ, degrees, close together in the beam, and how many C planes.
+    /// Nodes of γ, degrees, close together in the light, and how many C planes.
     pub fn nodes(&self) -> (Vec<f64>, usize) {
-        let (nodes_in_beam, farthest_deg) =
-            if self.is_belt { (NODES_IN_BELT, FARTHEST_FROM_BELT_DEG) } else { (NODES_IN_BEAM, FARTHEST_DEG) };
-        let close_deg = self.least_deg / nodes_in_beam;
-        let from_pole_deg = self.axis_deg.min(180.0 - self.axis_deg);
-        let centred = !self.is_belt && from_pole_deg < 0.5 * self.least_deg;
-        let pole_deg = if self.axis_deg < 90.0 { 0.0 } else { 180.0 };
-        let middle_deg = if centred { pole_deg } else { (self.axis_deg * 1e6).round() / 1e6 };
-        let reach_deg = CLOSE * self.least_deg;
-        let walk = |sign: f64| {
-            let (mut nodes, mut at, mut step) = (Vec::new(), middle_deg, close_deg);
-            let end = if sign > 0.0 { 180.0 } else { 0.0 };
-            while sign * (end - at) > 1.5 * step {
-                if (at - middle_deg).abs() >= reach_deg {
-                    step = (step * GROWTH).min(farthest_deg);
-                }
-                at += sign * step;
-                // A millionth of a degree is what files hold.
-                nodes.push((at * 1e6).round() / 1e6);
+        match *self {
+            NarrowLight::Beam { widths_deg, axis_deg } => nodes_of_beam(widths_deg, axis_deg),
+            NarrowLight::Belt { width_deg, middle_deg, .. } => {
+                (nodes_of_belt(middle_deg, width_deg), C_PLANES.0 as usize)
             }
-            nodes.retain(|at| (at - end).abs() > 0.5 * step);
-            nodes.push(end);
-            nodes
-        };
-        let mut nodes = vec![middle_deg];
-        for sign in
-            [1.0, -1.0].into_iter().filter(|sign| if *sign > 0.0 { middle_deg < 180.0 } else { middle_deg > 0.0 })
-        {
-            nodes.extend(walk(sign));
         }
-        nodes.sort_unstable_by(f64::total_cmp);
-        nodes.dedup();
-        let outermost_deg = if centred { 0.5 * self.greatest_deg } else { from_pole_deg };
-        let across_deg = outermost_deg.min(90.0).to_radians().sin() * 360.0;
-        let round = self.is_belt || (centred && self.greatest_deg < 1.3 * self.least_deg);
-        let (fewest, most) = C_PLANES;
-        let wanted = if round { fewest } else { C_STEPS_IN_BEAM * across_deg / self.least_deg };
-        (nodes, (wanted.clamp(fewest, most) / 12.0).ceil() as usize * 12)
     }
+}
+
+/// Nodes of γ round a beam, degrees, and how many C planes.
+fn nodes_of_beam([least_deg, greatest_deg]: [f64; 2], axis_deg: f64) -> (Vec<f64>, usize) {
+    let from_pole_deg = axis_deg.min(180.0 - axis_deg);
+    let is_centred = from_pole_deg < 0.5 * least_deg;
+    let pole_deg = if axis_deg < 90.0 { 0.0 } else { 180.0 };
+    let nodes = nodes_near(if is_centred { pole_deg } else { axis_deg }, least_deg, NODES_IN_BEAM, FARTHEST_DEG);
+    let outermost_deg = if is_centred { 0.5 * greatest_deg } else { from_pole_deg };
+    let across_deg = outermost_deg.min(90.0).to_radians().sin() * 360.0;
+    let is_round = is_centred && greatest_deg < 1.3 * least_deg;
+    let (fewest, most) = C_PLANES;
+    let wanted = if is_round { fewest } else { C_STEPS_IN_BEAM * across_deg / least_deg };
+    (nodes, (wanted.clamp(fewest, most) / 12.0).ceil() as usize * 12)
+}
+
+fn nodes_of_belt(middle_deg: f64, width_deg: f64) -> Vec<f64> {
+    nodes_near(middle_deg, width_deg, NODES_IN_BELT, FARTHEST_FROM_BELT_DEG)
+}
+
+/// Nodes of γ from 0 to 180, degrees: so many in a width round the middle, farther and farther apart beyond.
+fn nodes_near(middle_deg: f64, width_deg: f64, nodes_in_width: f64, farthest_deg: f64) -> Vec<f64> {
+    // A millionth of a degree is what files hold.
+    let rounded = |at: f64| (at * 1e6).round() / 1e6;
+    let middle_deg = rounded(middle_deg);
+    let walk = |sign: f64| {
+        let (mut nodes, mut at, mut step) = (Vec::new(), middle_deg, width_deg / nodes_in_width);
+        let end = if sign > 0.0 { 180.0 } else { 0.0 };
+        while sign * (end - at) > 1.5 * step {
+            if (at - middle_deg).abs() >= CLOSE * width_deg {
+                step = (step * GROWTH).min(farthest_deg);
+            }
+            at += sign * step;
+            nodes.push(rounded(at));
+        }
+        nodes.retain(|at| (at - end).abs() > 0.5 * step);
+        nodes.push(end);
+        nodes
+    };
+    let mut nodes = vec![middle_deg];
+    for sign in [1.0, -1.0].into_iter().filter(|sign| if *sign > 0.0 { middle_deg < 180.0 } else { middle_deg > 0.0 }) {
+        nodes.extend(walk(sign));
+    }
+    nodes.sort_unstable_by(f64::total_cmp);
+    nodes.dedup();
+    nodes
 }

@@ -1,7 +1,7 @@
 //! Directions to intensities.
 
 use super::ancestry::Ancestry;
-use super::beam::{Beam, NarrowBeam};
+use super::beam::{Beam, NarrowLight};
 use super::mixture::Shares;
 use super::smoothing::{Directions, Estimates, add, add_up};
 use super::sphere::SphereGrid;
@@ -110,14 +110,14 @@ impl Grids {
         options: &GoniogramOptions,
         zones: usize,
         bands: usize,
-        narrow: Option<&NarrowBeam>,
+        narrow: Option<&NarrowLight>,
     ) -> Grids {
         let grid = |gamma_deg: f64, c_deg: f64| {
             SphereGrid::new((180.0 / gamma_deg).round() as usize, (360.0 / c_deg).round() as usize)
         };
         let (gamma_deg, c_deg) = Grids::steps_deg(directions, frame, options, zones);
-        if let Some(beam) = narrow {
-            return Grids::narrow(beam, zones, bands);
+        if let Some(light) = narrow {
+            return Grids::narrow(light, zones, bands);
         }
         let numbers = |grid: &SphereGrid| (grid.gamma_nodes() * grid.c_planes() * bands * (zones + 1)) as f64;
         let spectral = SPECTRAL_STEPS_DEG.map(|(gamma_deg, c_deg)| grid(gamma_deg, c_deg));
@@ -128,9 +128,9 @@ impl Grids {
         }
     }
 
-    /// Grids whose nodes of γ follow a narrow beam; the spectral one as fine as there is room.
-    fn narrow(beam: &NarrowBeam, zones: usize, bands: usize) -> Grids {
-        let (gamma_deg, planes) = beam.nodes();
+    /// Grids whose nodes of γ follow narrow light; the spectral one as fine as there is room.
+    fn narrow(light: &NarrowLight, zones: usize, bands: usize) -> Grids {
+        let (gamma_deg, planes) = light.nodes();
         let numbers = |grid: &SphereGrid| (grid.gamma_nodes() * grid.c_planes() * bands) as f64 * (zones as f64 + 1.0);
         let every = |step: usize| {
             let (first, last) = (gamma_deg.iter().step_by(step), gamma_deg.len() - 1);
@@ -145,11 +145,11 @@ impl Grids {
         }
     }
 
-    /// How many zones with the grids of a narrow beam there is room for.
-    pub fn most_narrow_zones(beam: &NarrowBeam, bands: usize) -> usize {
-        let Grids { fine, spectral } = Grids::narrow(beam, 1_000_000, bands);
+    /// How many zones with the grids of narrow light there is room for.
+    pub fn most_narrow_zones(light: &NarrowLight, bands: usize) -> usize {
+        let Grids { fine, spectral } = Grids::narrow(light, 1_000_000, bands);
         let cells = |grid: &SphereGrid| (grid.gamma_nodes() * grid.c_planes()) as f64;
-        let bytes = LIT_BYTES * beam.lit() + DARK_BYTES * (1.0 - beam.lit());
+        let bytes = LIT_BYTES * light.lit() + DARK_BYTES * (1.0 - light.lit());
         let (by_bytes, by_numbers) =
             (MOST_BYTES / (bytes * cells(&fine)), MOST_SPECTRAL_NUMBERS / (cells(&spectral) * bands.max(1) as f64));
         by_bytes.min(by_numbers) as usize

@@ -43,7 +43,7 @@ use crate::vocabulary::notice::Notices;
 use crate::vocabulary::space::Frame;
 use crate::vocabulary::watch::StageWatch;
 use ancestry::Ancestry;
-use beam::NarrowBeam;
+use beam::NarrowLight;
 use counts::Counts;
 use glam::DVec3;
 use images::Groups;
@@ -104,7 +104,7 @@ impl Goniograms {
 /// Zones, and what is counted in them while the rays are laid on the hull.
 pub struct Plan {
     zoning: Zoning,
-    narrow: Option<NarrowBeam>,
+    narrow: Option<NarrowLight>,
     zones: Counts,
     /// The zones of each kind together, on finer grids: there are fewer. `None` where kinds are not all that may be left of the zones.
     kinds: Option<Counts>,
@@ -123,7 +123,7 @@ pub fn plan(
     limits: &Limits,
 ) -> Result<Plan, Error> {
     let frame = orientation::frame(&cloud.source.survey.directions, options)?;
-    let narrow = narrow_beam(cloud, &frame, sample, options);
+    let narrow = narrow_light(cloud, &frame, sample, options);
     let asked = options.zones.map(|zones| (zones.columns, zones.rows));
     let zoning = match (asked, options.zoning()) {
         (None, ZoneLayout::Auto) if options.smooths() => {
@@ -162,7 +162,7 @@ impl Adding<'_> {
     /// flux of its vertices before smoothing.
     pub fn add(&mut self, ray: &Ray, laid: &Laid<'_>, deposit: &Deposit) {
         let Plan { zoning, narrow, .. } = self.plan;
-        let direction = narrow.as_ref().map_or(ray.direction, |beam| beam.shown(ray.direction, hash(!ray.hash())));
+        let direction = narrow.as_ref().map_or(ray.direction, |light| light.shown(ray.direction, hash(!ray.hash())));
         let angles = zoning.frame.angles(direction);
         let corners = self.hull.triangles[laid.landing.triangle];
         for counts in [Some(&mut self.zones), self.kinds.as_mut()].into_iter().flatten() {
@@ -257,8 +257,8 @@ impl Plan {
     }
 }
 
-/// The beam of the rays of a sample, where it is narrow and no steps were asked for.
-fn narrow_beam(cloud: &Cloud<'_>, frame: &Frame, sample: &[Ray], options: &GoniogramOptions) -> Option<NarrowBeam> {
+/// The light of the rays of a sample, where it is narrow and no steps were asked for.
+fn narrow_light(cloud: &Cloud<'_>, frame: &Frame, sample: &[Ray], options: &GoniogramOptions) -> Option<NarrowLight> {
     let asked = options.gamma_step_deg.is_some() || options.c_step_deg.is_some() || options.zones.is_some();
     if asked || options.zoning() == ZoneLayout::Paper {
         return None;
@@ -266,16 +266,16 @@ fn narrow_beam(cloud: &Cloud<'_>, frame: &Frame, sample: &[Ray], options: &Gonio
     // The rays of a sample are in random order.
     let rays: Vec<(DVec3, f64)> =
         sample.iter().take(MOST_RAYS_OF_BEAM).map(|ray| (ray.direction, ray.weight())).collect();
-    NarrowBeam::of(&rays, brightest(&cloud.source.survey.directions), frame.nadir.vector())
+    NarrowLight::of(&rays, brightest(&cloud.source.survey.directions), frame.nadir.vector())
 }
 
 /// Most zones that follow the surface, so that all of their cells stay few: narrow beams, fine grids and many bands leave room for
 /// fewer zones.
-fn most_zones(cloud: &Cloud<'_>, frame: &Frame, options: &GoniogramOptions, narrow: Option<&NarrowBeam>) -> usize {
+fn most_zones(cloud: &Cloud<'_>, frame: &Frame, options: &GoniogramOptions, narrow: Option<&NarrowLight>) -> usize {
     let most = if cloud.carrier == Carrier::Volume { MOST_ZONES_OF_VOLUME } else { MOST_ZONES };
-    if let Some(beam) = narrow {
+    if let Some(light) = narrow {
         let bands = if cloud.spectral().has_bands() { cloud.spectral().bands.len() } else { 0 };
-        return Grids::most_narrow_zones(beam, bands).clamp(1, most);
+        return Grids::most_narrow_zones(light, bands).clamp(1, most);
     }
     let directions = &cloud.source.survey.directions;
     let (gamma_deg, c_deg) = Grids::steps_deg(directions, frame, options, MOST_ZONES);

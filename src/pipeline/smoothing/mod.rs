@@ -15,9 +15,11 @@ use rayon::prelude::*;
 /// How much more than expected noise must explain before a difference counts, where a scale shows nothing but noise: 1 follows noise where
 /// the true ratio is flat, 2 blurs.
 const CAUTION: f64 = 1.5;
+/// The same where a scale of a field with edges shows much more than noise.
+const CAUTION_OF_EDGES: f64 = 0.7;
 /// The same of a row of sites.
 const CAUTION_IN_A_ROW: f64 = 3.0;
-/// Signal on a scale, in parts of its noise, at which the caution is halfway from [`CAUTION`] to [`Caution::least`].
+/// Signal on a scale, in parts of its noise, at which the caution is halfway between those of [`Caution::ends`].
 const HALFWAY: f64 = 0.5;
 /// The variance of a scale is at least this part of what it was before what coarser scales took of it.
 const LEAST_NEW_NOISE: f64 = 0.25;
@@ -68,11 +70,12 @@ pub enum Caution {
 }
 
 impl Caution {
-    fn least(self) -> f64 {
+    /// Where a scale shows nothing but noise, and where it shows much more.
+    fn ends(self) -> [f64; 2] {
         match self {
-            Caution::Smooth => CAUTION,
-            Caution::Edges => 0.7,
-            Caution::Row => CAUTION_IN_A_ROW,
+            Caution::Smooth => [CAUTION; 2],
+            Caution::Edges => [CAUTION, CAUTION_OF_EDGES],
+            Caution::Row => [CAUTION_IN_A_ROW; 2],
         }
     }
 }
@@ -197,8 +200,8 @@ fn cautions<const L: usize>(powers: &[[[f64; L]; 3]], wanted: [Caution; L]) -> [
         let sum = |which: usize| -> f64 { powers.iter().map(|powers| powers[which][lane]).sum() };
         let (noise, seen) = (sum(0), sum(1));
         let signal = if noise > 0.0 { (seen / noise - 1.0).max(0.0) } else { 0.0 };
-        let least = wanted[lane].least();
-        least + (CAUTION.max(least) - least) / (1.0 + signal / HALFWAY)
+        let [of_noise, of_signal] = wanted[lane].ends();
+        of_signal + (of_noise - of_signal) / (1.0 + signal / HALFWAY)
     })
 }
 
