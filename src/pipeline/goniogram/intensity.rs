@@ -35,8 +35,10 @@ const SPECTRAL_STEPS_DEG: [(f64, f64); 4] = [(2.5, 5.0), (5.0, 10.0), (7.5, 15.0
 /// Most spectral intensities in all zones together: some megabytes of JSON.
 const MOST_SPECTRAL_NUMBERS: f64 = 600_000.0;
 
-/// Part of the flux that may go elsewhere in other bands while a zone counts as of one spectrum.
+/// Part of the flux of a column that may go elsewhere than that of the zone while the zone counts as of one spectrum; and by chance, of a
+/// column of one ray: what smoothing left of noise came to 1.9 at most.
 const ONE_SPECTRUM: f64 = 0.06;
+const ONE_SPECTRUM_BY_CHANCE: f64 = 2.5;
 
 /// The angular distribution of a zone or of the whole source.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -257,15 +259,15 @@ impl Grids {
             flux: fine.total(),
             luminous_cd: fine.luminous_lm.as_ref().map(per_sr),
             radiant_w_per_sr: fine.radiant_w.as_ref().map(per_sr),
-            spectral_w_per_sr_nm: self.spectral_intensities(spectral, spectrum),
+            spectral_w_per_sr_nm: self.spectral_intensities(spectral, measured.counted.iter().sum(), spectrum),
             spectral_flux_w_per_nm: spectrum.bands_w_per_nm(&spectral.column_totals()),
             quality: measured.quality(&solid_angles_sr),
         }
     }
 
     /// `[c][gamma][band]`, W/(sr nm).
-    fn spectral_intensities(&self, amounts: &Amounts, spectrum: &Spectral) -> Vec<f64> {
-        if amounts.is_empty() || !spectrum.has_bands() || has_one_spectrum(amounts) {
+    fn spectral_intensities(&self, amounts: &Amounts, rays: f64, spectrum: &Spectral) -> Vec<f64> {
+        if amounts.is_empty() || !spectrum.has_bands() || has_one_spectrum(amounts, rays) {
             return Vec::new();
         }
         let solid_angles_sr = self.spectral.cell_solid_angles_sr();
@@ -340,18 +342,22 @@ fn hand_over(zones: &mut [Measured], shares: &Shares) {
     }
 }
 
-/// Whether the columns have the same shares in all directions: their flux-weighted mean deviation is negligible.
-fn has_one_spectrum(amounts: &Amounts) -> bool {
+/// Whether all columns of a zone go into the same directions: none sends more of its flux elsewhere than counts, or than as few of the zone's
+/// `rays` as it has show by chance. A column may be small and yet matter: at the border of a blue chip lies a little of the yellow light
+/// round it, which does not go where the blue goes.
+fn has_one_spectrum(amounts: &Amounts, rays: f64) -> bool {
     let totals = amounts.column_totals();
     let total: f64 = totals.iter().sum();
-    let deviation: f64 = (0..amounts.len())
-        .map(|cell| {
-            let columns = amounts.columns_of(cell);
-            let flux: f64 = columns.iter().sum();
-            columns.iter().zip(&totals).map(|(column, whole)| (column - flux * whole / total).abs()).sum::<f64>()
-        })
-        .sum();
-    deviation <= ONE_SPECTRUM * total
+    let mut elsewhere = vec![0.0; totals.len()];
+    for cell in 0..amounts.len() {
+        let columns = amounts.columns_of(cell);
+        let share = columns.iter().sum::<f64>() / total;
+        let differences = columns.iter().zip(&totals).map(|(column, whole)| (column - share * whole).abs());
+        elsewhere.iter_mut().zip(differences).for_each(|(sum, difference)| *sum += difference);
+    }
+    let most = |whole: f64| (ONE_SPECTRUM + ONE_SPECTRUM_BY_CHANCE / (rays * whole / total).sqrt()) * whole;
+    let mut lit = elsewhere.iter().zip(&totals).filter(|(_, whole)| **whole > 0.0);
+    lit.all(|(elsewhere, whole)| *elsewhere <= most(*whole))
 }
 
 /// Flux per cell as intensity per cell.
@@ -448,5 +454,23 @@ impl Measured {
             relative_noise_at_peak: peak.map_or(0.0, |cell| self.variance[cell].sqrt() / flux[cell]),
             smoothing_deg: peak.map_or(0.0, |cell| self.smoothed_deg(cell, intensity(&cell))),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ten cells with the same flux of one column, and in the first a hundredth of it of another, whose flux is thus 1.8 times elsewhere
+    /// (counted where it goes and where it does not): seen by ten rays, of one alone it may be chance.
+    #[test]
+    fn a_small_column_that_goes_elsewhere_is_no_part_of_one_spectrum() {
+        let amounts = |small: f64| {
+            let columns = (0..10).flat_map(|cell| [100.0, if cell == 0 { small } else { 0.0 }, 0.0]).collect();
+            Amounts { columns, column_count: 3, ..Amounts::none() }
+        };
+        assert!(!has_one_spectrum(&amounts(10.0), 1000.0));
+        assert!(has_one_spectrum(&amounts(10.0), 100.0));
+        assert!(has_one_spectrum(&amounts(0.0), 1000.0), "columns without light go nowhere");
     }
 }
