@@ -38,6 +38,7 @@ const FILES: [File; 44] = [
     script("columns", include_str!("../portal/columns.js")),
     script("command", include_str!("../portal/command.js")),
     script("compare", include_str!("../portal/compare.js")),
+    script("cut", include_str!("../portal/cut.js")),
     script("difference", include_str!("../portal/difference.js")),
     script("dom", include_str!("../portal/dom.js")),
     script("downloads", include_str!("../portal/downloads.js")),
