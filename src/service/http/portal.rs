@@ -25,7 +25,7 @@ const FOLDER: &str = "{folder}";
 
 const PAGE: &str = include_str!("../portal/index.html");
 /// Names, types and contents of all other files.
-const FILES: [File; 44] = [
+const FILES: [File; 45] = [
     script("api", include_str!("../portal/api.js")),
     script("app", include_str!("../portal/app.js")),
     script("axes", include_str!("../portal/axes.js")),
