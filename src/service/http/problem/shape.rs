@@ -44,7 +44,13 @@ pub(super) fn plainly(found: &str) -> String {
     if let Some((kind, expected)) = parts("invalid type: ").or_else(|| parts("invalid value: ")) {
         return format!("It is {}; {} is expected.", in_json(kind), in_json(expected));
     }
+    if found.starts_with("UUID parsing failed") {
+        return "It is no identifier.".to_owned();
+    }
     if let Some((count, expected)) = parts("invalid length ") {
+        if expected.starts_with("struct ") {
+            return "It is a list; an object is expected.".to_owned();
+        }
         return format!("Its length is {count}; {} is expected.", in_json(expected));
     }
     if let Some((name, expected)) = parts("unknown variant ") {
@@ -109,6 +115,8 @@ mod tests {
             (json!({"size": []}), "It is a list; a number is expected."),
             (json!({"place": [0, 0]}), "Its length is 2; a list of this length: 3 is expected."),
             (json!({"name": {}}), "It is an object; a string is expected."),
+            (json!([]), "It is a list; an object is expected."),
+            (json!({"inner": []}), "It is a list; an object is expected."),
             (json!({"inner": 5}), "It is the number `5`; an object is expected."),
             (json!({"list": [null]}), "It is null; a whole number of 0 or more is expected."),
             (json!({"is_lit": "yes"}), "It is the string \"yes\"; true or false is expected."),
@@ -119,6 +127,7 @@ mod tests {
         assert!(told(json!({"colour": 1})).starts_with("Unknown field `colour`, expected one of `count`, "));
         assert_eq!(plainly(&"-1".parse::<u32>().unwrap_err().to_string()), "It is no whole number of 0 or more.");
         assert_eq!(plainly(&"".parse::<u32>().unwrap_err().to_string()), "It is empty; a whole number is expected.");
+        assert_eq!(plainly(&"abc".parse::<uuid::Uuid>().unwrap_err().to_string()), "It is no identifier.");
         assert_eq!(plainly(&"x".parse::<f64>().unwrap_err().to_string()), "It is no number.");
         assert_eq!(plainly(&"maybe".parse::<bool>().unwrap_err().to_string()), "It is neither true nor false.");
         assert_eq!(plainly(&"4294967296".parse::<u32>().unwrap_err().to_string()), "The number is too large.");
