@@ -127,7 +127,10 @@ mod tests {
         assert!(told(json!({"colour": 1})).starts_with("Unknown field `colour`, expected one of `count`, "));
         assert_eq!(plainly(&"-1".parse::<u32>().unwrap_err().to_string()), "It is no whole number of 0 or more.");
         assert_eq!(plainly(&"".parse::<u32>().unwrap_err().to_string()), "It is empty; a whole number is expected.");
-        assert_eq!(plainly(&"abc".parse::<uuid::Uuid>().unwrap_err().to_string()), "It is no identifier.");
+        assert_eq!(
+            plainly(&serde_json::from_value::<uuid::Uuid>(json!("abc")).unwrap_err().to_string()),
+            "It is no identifier."
+        );
         assert_eq!(plainly(&"x".parse::<f64>().unwrap_err().to_string()), "It is no number.");
         assert_eq!(plainly(&"maybe".parse::<bool>().unwrap_err().to_string()), "It is neither true nor false.");
         assert_eq!(plainly(&"4294967296".parse::<u32>().unwrap_err().to_string()), "The number is too large.");
