@@ -232,6 +232,9 @@ async fn a_body_is_asked_for_only_when_it_is_wanted() {
         let service = Listening::on(&mut site);
         let answer = service.ask(&head(&writer, 100, "")).await;
         assert!(answer.starts_with("HTTP/1.1 507 ") && answer.contains("storage.low_space"), "{answer}");
+        // Space would not help this one.
+        let answer = service.ask(&head(&writer, 10_001, "")).await;
+        assert!(answer.starts_with("HTTP/1.1 413 ") && answer.contains("upload.too_large"), "{answer}");
         service.stop().await;
     }
 }

@@ -2,6 +2,7 @@
 
 use axum::body::Body;
 use axum::http::{Method, StatusCode};
+use futures::StreamExt;
 use pipeline::{EvaluationForm, EvaluationRequest, Limits, NoProgress, View, evaluate, read_model};
 use serde_json::{Value, json};
 use service::Config;
@@ -108,6 +109,17 @@ async fn an_equal_evaluation_is_computed_once_and_a_key_makes_one_job() {
     let in_short = site.post(ADDRESS, &json!({ "job": job, "evaluation": {"view": {"grid": {}}} })).await;
     let again = site.post(ADDRESS, &json!({ "job": job, "evaluation": in_full })).await;
     assert_eq!((again.status, again.id()), (StatusCode::OK, in_short.id()));
+    // So it is for who has taken all places with new rays of this model.
+    let mut open = Vec::new();
+    while site.get(&format!("/v1/jobs/{job}/rays?count=1")).await.status == StatusCode::OK {
+        let endless = site.begin(&format!("/v1/jobs/{job}/rays?count=1000000000000")).await;
+        let mut body = endless.into_body().into_data_stream();
+        assert!(!body.next().await.unwrap().unwrap().is_empty());
+        open.push(body);
+    }
+    let again = site.post(ADDRESS, &json!({ "job": job, "evaluation": {"view": {"grid": {}}} })).await;
+    assert_eq!((again.status, again.id()), (StatusCode::OK, in_short.id()));
+    drop(open);
     // Another form is another evaluation.
     let mut other = body.clone();
     other["evaluation"]["format"] = json!("csv");

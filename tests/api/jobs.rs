@@ -149,6 +149,13 @@ async fn pages_hold_every_entry_once_newest_first() {
             assert_eq!(pages, 5_usize.div_ceil(limit));
         }
     }
+    // What names no entry would begin the list anew for ever.
+    for path in ["/v1/jobs", "/v1/ray-sets", "/v1/spectra", "/v1/uploads", "/v1/webhooks"] {
+        assert_eq!(site.get(&format!("{path}?after=")).await.status, StatusCode::OK, "{path}");
+        let refused = site.get(&format!("{path}?after=zzz")).await;
+        refused.is_problem(422, "request.wrong_type");
+        assert_eq!(refused.json()["at"], "after", "{path}");
+    }
     site.until_state(jobs.last().unwrap(), "running").await;
     let of =
         async |state: &str| site.get(&format!("/v1/jobs?state={state}")).await.json()["jobs"].as_array().unwrap().len();

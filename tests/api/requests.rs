@@ -228,7 +228,8 @@ async fn a_query_is_held_to_its_fields() {
         ] {
             site.get(&format!("{list}?{query}")).await.is_problem(422, code);
         }
-        assert_eq!(site.get(&format!("{list}?limit=100&after=zzz")).await.status, StatusCode::OK);
+        let last = "0190b5a0-0000-7000-8000-000000000000";
+        assert_eq!(site.get(&format!("{list}?limit=100&after={last}")).await.status, StatusCode::OK);
     }
     site.get("/v1/jobs?state=done").await.is_problem(422, "request.wrong_type");
 }

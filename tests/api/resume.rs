@@ -438,7 +438,7 @@ async fn a_tenant_cannot_begin_uploads_without_end() {
                 sha256_state, fence, attempt, created_ms, expires_ms FROM uploads WHERE id = $2";
     let records = service::storage::records::Records::open(&site.config.database_url()).await.unwrap();
     for number in 1..1000 {
-        let copy = sql(copy).bind(format!("x{number}")).bind(at.rsplit('/').next().unwrap());
+        let copy = sql(copy).bind(format!("0190b5a0-0000-7000-8000-{number:012}")).bind(at.rsplit('/').next().unwrap());
         records.write(copy).await.unwrap();
     }
     let reply = site.ask(Method::POST, "/v1/uploads", &[VERSION, ("upload-length", "9")], Body::empty()).await;

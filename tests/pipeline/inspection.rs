@@ -225,7 +225,13 @@ fn what_users_trip_over_is_noticed() {
     let backward = seen(zemax(4, &back)).main_direction.unwrap().backward_share;
     assert!((backward - 0.1).abs() < 1e-3, "{backward}");
     let plain = seen(zemax(4, &rays));
-    let cases: [(&str, i32, Vec<[f64; 7]>); 8] = [
+    // On a car, a lamp is metres from the origin of the file; in a building it is not a kilometre from it for each millimetre of its own.
+    let away = |far: f64| {
+        rays.iter().map(|ray| [ray[0] + far, ray[1], ray[2], ray[3], ray[4], ray[5], ray[6]]).collect::<Vec<_>>()
+    };
+    assert_eq!(verdict(&seen(zemax(4, &away(5e3))), "rays.size"), Verdict::Ok);
+    let cases: [(&str, i32, Vec<[f64; 7]>); 9] = [
+        ("rays.size", 4, away(1e6)),
         ("rays.order", 4, sorted),
         ("rays.ray_flux", 4, spot),
         ("rays.focus", 4, beam),

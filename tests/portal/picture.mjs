@@ -226,17 +226,24 @@ export async function the_solid_and_a_cut_by_pointer_and_by_keyboard(scene) {
     return values.reduce((sum, value, k) => (k % 4 === 1 ? sum + value : sum), 0);
   });
   const whole = await light();
-  await page.getByLabel("Cut", { exact: true }).focus();
-  await page.keyboard.press("ArrowDown");
+  await page.getByLabel("across X", { exact: true }).focus();
+  await page.keyboard.press("Space");
   await page.getByText("X up to 0 mm is shown.").waitFor();
   await accessible(page, "a cut");
   // From above, half of an even square.
   assert.ok(Math.abs((await light()) / whole - 0.5) < 0.02, `${await light()} of ${whole}`);
-  await tabTo(page, "Where it is cut");
+  // A second plane takes half of what the first one left, and goes again.
+  await page.getByLabel("across Y", { exact: true }).check();
+  await page.getByText("Y up to 0 mm is shown.").waitFor();
+  assert.ok(Math.abs((await light()) / whole - 0.25) < 0.02, `${await light()} of ${whole}`);
+  await page.getByLabel("across Y", { exact: true }).uncheck();
+  assert.ok(Math.abs((await light()) / whole - 0.5) < 0.02);
+  await page.getByLabel("across X", { exact: true }).focus();
+  await tabTo(page, "Where X is cut");
   await page.keyboard.press("End");
   await page.getByText("X up to 0.5 mm is shown.").waitFor();
   assert.ok(Math.abs((await light()) / whole - 1) < 0.02);
-  await tabTo(page, "Keep the other side");
+  await tabTo(page, "Keep the other side of X");
   await page.keyboard.press("Space");
   await page.getByText("X from 0.5 mm is shown.").waitFor();
   assert.ok((await light()) < 0.02 * whole);

@@ -14,8 +14,8 @@ async function scene_with(scene, options, page_options) {
   return { service, page };
 }
 
-/** Draws `count` new rays by the page's button; the file. */
-async function newRays(page, press) {
+/** The file that the page saves when its button is pressed. */
+async function saved(page, press) {
   const [download] = await Promise.all([page.waitForEvent("download"), press()]);
   return readFileSync(await download.path());
 }
@@ -64,10 +64,17 @@ export async function by_pointer_from_a_bare_text_to_new_rays(scene) {
 
   await page.getByLabel("How many").fill("1000");
   await page.getByText("1\u202f000 rays are a file of").waitFor();
-  const rays = await newRays(page, () => page.getByRole("button", { name: "Draw new rays" }).click());
+  const rays = await saved(page, () => page.getByRole("button", { name: "Draw new rays" }).click());
   assert.equal(rays.subarray(0, 4).toString(), "TM25");
   const taken = await service.ask("/v1/ray-sets?name=new", { method: "POST", body: rays });
   assert.equal(taken.ray_sets[0].header.ray_count, 1000);
+
+  await page.getByText("For Blender, Mitsuba and Radiance", { exact: true }).first().click();
+  const adapted = page.getByRole("button", { name: "Radiance", exact: true });
+  await adapted.waitFor();
+  await accessible(page, "files of renderers");
+  const packed = await saved(page, () => adapted.click());
+  assert.ok(packed.subarray(0, 4).equals(Buffer.from("PK\x03\x04")) && packed.includes("light.rad"), "a zip with Radiance's files");
 
   await page.getByRole("button", { name: "Delete model" }).click();
   await accessible(page, "question before deleting");
@@ -115,7 +122,7 @@ export async function by_keyboard_alone_with_the_built_in_sample(scene) {
   await page.keyboard.type("5000");
   await page.getByText("5\u202f000 rays are a file of").waitFor();
   await tabTo(page, "Draw new rays");
-  const rays = await newRays(page, () => page.keyboard.press("Enter"));
+  const rays = await saved(page, () => page.keyboard.press("Enter"));
   assert.equal(rays.subarray(0, 4).toString(), "TM25");
   await tabTo(page, "Delete model");
   await page.keyboard.press("Enter");

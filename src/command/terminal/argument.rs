@@ -112,7 +112,8 @@ pub fn with_keys(remedy: &str, at: Option<&Place>) -> String {
     if names("share") {
         written.retain(|example| !example.starts_with("flux="));
     }
-    if let (true, Some(Place::Channel(_, field))) = (written.is_empty(), at) {
+    let mends = !text.contains("no declaration mends");
+    if let (true, true, Some(Place::Channel(_, field))) = (mends, written.is_empty(), at) {
         written.extend(KEYS.iter().filter(|(key, _)| key == field).map(|(_, example)| *example));
     }
     // The examples are in the quantity that is spoken of.
@@ -240,6 +241,8 @@ mod tests {
             let told = with_keys(remedy, at.as_ref());
             assert_eq!(told, format!("{remedy} Write it behind the file, as {expected}"));
         }
+        let none = "Export the file with direction cosines; no declaration mends it.";
+        assert_eq!(with_keys(none, Some(&Place::Channel(0, "columns"))), none);
         for other in ["Export the file again, with its spectrum.", "Declare a positive number."] {
             assert_eq!(with_keys(other, Some(&Place::Total)), other);
         }

@@ -31,6 +31,7 @@ impl NewFile {
     pub fn at(path: &Path, force: bool) -> Result<NewFile, Failure> {
         let place = || path.display().to_string();
         let parent = folder_of(path);
+        refuse_standard_output(path)?;
         match fs::symlink_metadata(path).and_then(|link| fs::metadata(path).or(Ok(link))) {
             Ok(found) if found.is_dir() => {
                 let found = "A folder has the name of the output file.";
@@ -163,11 +164,23 @@ fn sweep(folder: &Path, name: &str) {
     }
 }
 
+/// Other programs take "-" for standard output. A file or a folder of this name is written by no one on purpose.
+fn refuse_standard_output(path: &Path) -> Result<(), Failure> {
+    match path.as_os_str() == "-" {
+        false => Ok(()),
+        true => {
+            let found = "Results are whole files, which standard output cannot be.";
+            Err(Failure::usage("output.device", found, "Name a file; ./- is one of this name.").at("-"))
+        }
+    }
+}
+
 /// Whether there can be a folder for results.
 ///
 /// # Errors
 /// A file has its name, or that of a folder round it.
 pub fn can_be_folder(folder: &Path) -> Result<(), Failure> {
+    refuse_standard_output(folder)?;
     let Some(file) = folder.ancestors().find(|part| part.exists() && !part.is_dir()) else { return Ok(()) };
     let found = format!("{} is a file, no folder.", file.display());
     let remedy = "Name another folder for the results; a folder that is not there is made.";
@@ -299,6 +312,10 @@ mod tests {
         }
         assert_eq!((file("file", true), file("new", false)), (None, None));
         assert!(NewFile::at(Path::new("/dev/null"), true).err().unwrap().to_string().contains("output.device"));
+        assert!(NewFile::at(Path::new("./-"), false).is_ok());
+        for failure in [NewFile::at(Path::new("-"), true).err(), NewFolder::make(Path::new("-")).err()] {
+            assert!(failure.unwrap().to_string().contains("standard output"));
+        }
         for name in ["file", "file/inner"] {
             let told = NewFolder::make(&at(name)).err().unwrap().to_string();
             assert!(told.contains("output.file") && told.contains("is a file"), "{told}");

@@ -105,7 +105,14 @@ impl From<clap::Error> for Failure {
         let text = error.to_string();
         let one_line = |paragraph: &str| paragraph.split_whitespace().collect::<Vec<_>>().join(" ");
         let (found, rest) = text.split_once("\n\n").unwrap_or((&text, ""));
-        Failure::usage("command.line", one_line(found.trim_start_matches("error: ")), one_line(rest))
+        // A paragraph each: hints, how the verb is used (in one way a line), where there is more.
+        let sentence = |paragraph: &str| {
+            let lines: Vec<String> = paragraph.lines().map(one_line).filter(|line| !line.is_empty()).collect();
+            let told = lines.join(if paragraph.trim_start().starts_with("Usage:") { ", or " } else { " " });
+            if told.is_empty() || told.ends_with('.') { told } else { format!("{told}.") }
+        };
+        let remedy: Vec<String> = rest.split("\n\n").map(sentence).filter(|told| !told.is_empty()).collect();
+        Failure::usage("command.line", one_line(found.trim_start_matches("error: ")), remedy.join(" "))
     }
 }
 
@@ -155,6 +162,13 @@ mod tests {
                 && told.starts_with("error command.line\n  what   unexpected argument '--colums' found\n  do     ")
         );
         assert!(told.lines().count() == 3 && told.contains("'--columns'") && told.contains("--help"), "{told}");
+        let command = clap::Command::new("lampwright")
+            .arg(clap::Arg::new("data").long("data"))
+            .subcommand(clap::Command::new("build"))
+            .args_conflicts_with_subcommands(true);
+        let told = Failure::from(command.try_get_matches_from(["lampwright", "biuld"]).unwrap_err()).to_string();
+        let remedy = "tip: a similar subcommand exists: 'build'. Usage: lampwright [OPTIONS], or lampwright <COMMAND>. For more information, try '--help'.";
+        assert!(told.ends_with(&format!("\n  do     {remedy}")), "{told}");
     }
 
     #[test]

@@ -13,12 +13,23 @@ const FROM_MODEL: &str =
 /// What to do with a spectrum.
 const NAME_SPECTRUM: &str = "Send the ray file, and name this as the spectrum of its channel in the job.";
 
-/// The file that makes a zip a GLDF file.
+/// The file of a GLDF file that says what it is; other zips may have a file of this name.
 pub const GLDF_PRODUCT: &str = "product.xml";
+/// The code of a GLDF file, and of the file that says what it is.
+pub const GLDF: &str = "detect.gldf";
 
 /// The refusal of a GLDF file.
 pub fn gldf() -> Error {
-    refused("detect.gldf", "a GLDF file (surfaces and photometry of a luminaire, without rays)", EXPORT)
+    refused(GLDF, "a GLDF file (surfaces and photometry of a luminaire, without rays)", EXPORT)
+}
+
+/// Whether a document with this start is [`GLDF_PRODUCT`] of a GLDF file: its root names the schema.
+pub fn is_gldf_product(start: &[u8]) -> bool {
+    is_gldf(&String::from_utf8_lossy(start).to_lowercase())
+}
+
+fn is_gldf(lower: &str) -> bool {
+    lower.find("<root").and_then(|from| lower.get(from..)?.split('>').next()).is_some_and(|root| root.contains("gldf"))
 }
 
 /// First bytes, code, and what such a file is.
@@ -233,6 +244,8 @@ fn markup(lower: &str) -> Named {
         ("detect.spectrum", "an IES TM-27 spectrum", NAME_SPECTRUM)
     } else if has("<iestm33") || has("<luminaireopticaldata") {
         ("detect.photometry", "an IES TM-33 photometric file: directions without places", EXPORT)
+    } else if is_gldf(lower) {
+        (GLDF, "the product.xml of a GLDF file", EXPORT)
     } else {
         ("detect.xml", "XML", EXPORT)
     }
@@ -386,7 +399,11 @@ mod tests {
     fn texts_that_are_no_rays_have_names() {
         let ldt = "Company\n1\n1\n1\n0\n37\n5.0\nreport\nlamp\n";
         let iges = format!("{:72}S      1\n", "a part");
-        let cases: [(&str, &str); 26] = [
+        // The schema of GLDF 1.0: the root of product.xml names the schema.
+        let gldf = "<?xml version=\"1.0\"?>\n<Root xsi:noNamespaceSchemaLocation=\"https://gldf.io/xsd/gldf/1.0.0-rc.3/gldf.xsd\">";
+        let cases: [(&str, &str); 28] = [
+            (gldf, "detect.gldf"),
+            ("<?xml version=\"1.0\"?><Root><Item>gldf</Item></Root>", "detect.xml"),
             ("<!DOCTYPE html><html><body>Sign in</body></html>", "detect.html"),
             ("\u{feff}\n <HTML><head>", "detect.html"),
             ("<?xml version=\"1.0\"?>\n<IESTM2714 version=\"1.0\">", "detect.spectrum"),

@@ -41,7 +41,7 @@ mod spectrum_xml;
 /// The spectrum of a channel from a file of its own.
 pub mod spectrum_file;
 
-pub use foreign::GLDF_PRODUCT;
+pub use foreign::{GLDF_PRODUCT, is_gldf_product};
 pub use own::{MODEL, model};
 pub use taken::no_model_but_gldf;
 

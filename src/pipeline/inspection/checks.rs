@@ -14,6 +14,8 @@ use crate::rays::conversion::header_lm_per_w;
 use crate::rays::totals::{EFFICACY_NOTICED, LIKELY_SIZE_MM, RATIO_NOTICED};
 use glam::DVec3;
 
+/// So many times its size away from the origin of its file, a source in single precision has fewer than a hundred places along each axis.
+const FAR_AWAY: f64 = 1e5;
 /// Visible light, nm: spectra with nothing inside give no lumens.
 const VISIBLE_NM: (f64, f64) = (380.0, 780.0);
 /// Far infrared, nm: where visible wavelengths in Å are when they are taken for nm.
@@ -143,6 +145,14 @@ fn size(facts: &Facts, found: &Inspection) -> Check {
             told,
             "The unit of length looks wrong: compare with the data sheet and declare length_unit.",
         );
+    }
+    let away = extent.min.iter().chain(&extent.max).fold(0.0_f64, |most, place| most.max(place.abs()));
+    if largest > 0.0 && away > FAR_AWAY * largest {
+        let told = format!(
+            "{told} They lie up to {away:.4e} mm from the file's origin, where single precision tells places {:.1e} mm apart.",
+            away * f64::from(f32::EPSILON)
+        );
+        return notice(NAME, told, "Move the source to the origin of its file, and export it again.");
     }
     ok(NAME, told)
 }

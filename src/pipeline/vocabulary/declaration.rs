@@ -102,7 +102,9 @@ impl Total {
         if Flux::MODELLED.contains(&value) {
             return Ok(());
         }
-        let found = format!("The declared flux is {value:e} {}.", self.quantity().unit());
+        let told =
+            if (1e-3..1e6).contains(&value.abs()) || value == 0.0 { value.to_string() } else { format!("{value:e}") };
+        let found = format!("The declared flux is {told} {}.", self.quantity().unit());
         let remedy = "Declare a positive number, from 1e-20 to 1e24.";
         Err(Error::invalid_declaration("rays.flux_impossible", place, found, remedy))
     }

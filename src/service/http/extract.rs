@@ -6,10 +6,11 @@ use axum::body::to_bytes;
 use axum::extract::{FromRequest, FromRequestParts, Request};
 use axum::http::header::CONTENT_TYPE;
 use axum::http::request::Parts;
-use serde::Serialize;
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, Error as _};
+use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
+use uuid::Uuid;
 
 /// Largest JSON body, bytes.
 const MAX_JSON_BYTES: usize = 64 << 10;
@@ -39,6 +40,9 @@ impl<T: DeserializeOwned + Serialize, S: Send + Sync> FromRequest<S> for Body<T>
 
 /// Reads a JSON text as [`Body`] says.
 fn read<T: DeserializeOwned + Serialize>(text: &[u8]) -> Result<T, Problem> {
+    if text.trim_ascii().is_empty() {
+        return Err(Problem::malformed_json("The body is empty."));
+    }
     let mut json: Value = serde_json::from_slice(text).map_err(|error| Problem::malformed_json(format!("{error}.")))?;
     if let Some(path) = unwritable(&mut json, String::new()) {
         return Err(Problem::null_character(&path));
@@ -224,6 +228,8 @@ pub struct Page {
     #[serde(default = "Page::default_limit")]
     pub limit: u32,
     /// The value of `next` in the page before this one.
+    #[param(value_type = Option<String>, pattern = "^([0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12})?$")]
+    #[serde(default, deserialize_with = "Page::cursor")]
     pub after: Option<String>,
 }
 
@@ -231,6 +237,17 @@ impl Page {
     /// Number of entries where the client gives no limit.
     pub fn default_limit() -> u32 {
         20
+    }
+
+    /// The entry after which a page begins. What is no id would begin the list anew each time, and who follows `next` would never end. An
+    /// empty one is that of the first page.
+    pub fn cursor<'a, D: Deserializer<'a>>(text: D) -> Result<Option<String>, D::Error> {
+        let text = String::deserialize(text)?;
+        if text.is_empty() {
+            return Ok(None);
+        }
+        let told = |_| D::Error::custom(format!("{text:?} is no `next` of a page before"));
+        Uuid::parse_str(&text).map(|id| Some(id.to_string())).map_err(told)
     }
 
     /// Checks the limit of a page.

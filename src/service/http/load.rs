@@ -5,6 +5,7 @@ use super::api::Api;
 use super::events::Waiting;
 use super::openapi::{can_fail, operations};
 use super::problem::Problem;
+use crate::ray_sets;
 use axum::BoxError;
 use axum::body::Body;
 use axum::error_handling::HandleErrorLayer;
@@ -108,6 +109,10 @@ pub fn account_body(routes: OpenApiRouter<Api>) -> OpenApiRouter<Api> {
 fn room(request: Request) -> Result<Request, Problem> {
     let Some(api) = request.extensions().get::<Api>().cloned() else { return Err(Problem::internal()) };
     let announced = request.headers().get(header::CONTENT_LENGTH).and_then(|bytes| bytes.to_str().ok()?.parse().ok());
+    // More space would not make such a body welcome.
+    if announced.is_some_and(|bytes| bytes > api.intake.max_bytes) {
+        return Err(ray_sets::Error::TooLarge(api.intake.max_bytes).into());
+    }
     if !api.space.has_room_for(announced.unwrap_or(0)) {
         return Err(Problem::low_space());
     }

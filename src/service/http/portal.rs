@@ -25,7 +25,7 @@ const FOLDER: &str = "{folder}";
 
 const PAGE: &str = include_str!("../portal/index.html");
 /// Names, types and contents of all other files.
-const FILES: [File; 44] = [
+const FILES: [File; 45] = [
     script("api", include_str!("../portal/api.js")),
     script("app", include_str!("../portal/app.js")),
     script("axes", include_str!("../portal/axes.js")),
@@ -38,6 +38,7 @@ const FILES: [File; 44] = [
     script("columns", include_str!("../portal/columns.js")),
     script("command", include_str!("../portal/command.js")),
     script("compare", include_str!("../portal/compare.js")),
+    script("cut", include_str!("../portal/cut.js")),
     script("difference", include_str!("../portal/difference.js")),
     script("dom", include_str!("../portal/dom.js")),
     script("downloads", include_str!("../portal/downloads.js")),

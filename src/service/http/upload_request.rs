@@ -81,6 +81,8 @@ pub struct RaySetPage {
     #[serde(default = "Page::default_limit")]
     pub limit: u32,
     /// The value of `next` in the page before this one.
+    #[param(value_type = Option<String>, pattern = "^([0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12})?$")]
+    #[serde(default, deserialize_with = "Page::cursor")]
     pub after: Option<String>,
 }
 

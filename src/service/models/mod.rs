@@ -173,7 +173,7 @@ impl Models {
         }
     }
 
-    /// Refuses what the model in `files` cannot answer, where it is kept or soon read and `tenant` has a place; which light it is evaluated in.
+    /// Refuses what the model in `files` cannot answer, where it is kept, or soon read and `tenant` has a place; which light it is evaluated in.
     /// `None`: nothing is known of it now.
     ///
     /// # Errors
@@ -187,18 +187,19 @@ impl Models {
         form: EvaluationForm,
     ) -> Result<Option<LightKind>, Error> {
         let byte_count: u64 = files.iter().map(|file| file.byte_count).sum();
-        let kept = self.find(&files.each_ref().map(|file| file.sha256.clone()));
-        if kept.is_none() && byte_count > SOON_READ_BYTES {
-            return Ok(None);
-        }
-        let Some(place) = self.places.take(tenant) else { return Ok(None) };
-        // A store that does not answer now, or a model that cannot be read, is the job's to tell, which waits or tries again.
-        let Ok((model, place)) = self.model(blobs, files, place).await else { return Ok(None) };
-        let request = request.clone();
-        let work = move || {
-            let _place = place;
-            pipeline::check_evaluation_of(&model, &request, form).map(Some)
+        // What a kept model knows costs nothing: equal evaluations are then found to be equal also by who has all places taken.
+        let model = match self.find(&files.each_ref().map(|file| file.sha256.clone())) {
+            Some(model) => model,
+            None if byte_count > SOON_READ_BYTES => return Ok(None),
+            None => {
+                let Some(place) = self.places.take(tenant) else { return Ok(None) };
+                // A store that does not answer now, or a model that cannot be read, is the job's to tell, which waits or tries again.
+                let Ok((model, _place)) = self.model(blobs, files, place).await else { return Ok(None) };
+                model
+            }
         };
+        let request = request.clone();
+        let work = move || pipeline::check_evaluation_of(&model, &request, form).map(Some);
         compute("evaluation", work).await.map_err(Error::from)?
     }
 

@@ -33,7 +33,17 @@ export async function downloads(job, title) {
     h("h2", { id: "downloads-title" }, words.downloads.title),
     h("p", {}, button(words.downloads.zip(bytes(zip.byte_count)), take(zip, `${title}.zip`.replaceAll("/", "-")), "first")),
     told,
-    h("details", {}, h("summary", {}, words.downloads.files(artifacts.length)), all));
+    h("details", {}, h("summary", {}, words.downloads.files(artifacts.length)), all),
+    h("details", { class: "renderers" }, h("summary", {}, words.downloads.renderers),
+      table(words.downloads.renderers, words.downloads.rendererColumns, words.downloads.rendererList.map(([renderer, called, meaning]) => [
+        button(called, take({ href: adapter(job, renderer) }, `${title} ${renderer}.zip`.replaceAll("/", "-")), "link"), meaning,
+      ])),
+      h("p", { class: "hint" }, words.downloads.rendererHint)));
+}
+
+/** Where the files are that a renderer opens: they are made when they are asked for. */
+function adapter(job, renderer) {
+  return job.links.artifacts.replace(/\/artifacts$/, `/adapters/${renderer}`);
 }
 
 /** New rays: as many as wanted, in the format wanted. */
@@ -87,6 +97,7 @@ export function commands(job) {
     [words.commands.zip, curl(job.links.zip, { flags: "-O" })],
     [words.commands.artifacts, curl(job.links.artifacts)],
     [words.commands.rays, curl(`${job.links.artifacts.replace(/\/artifacts$/, "/rays")}?count=10000000&seed=1&format=tm25`, { flags: "-C - -o new.tm25ray" })],
+    [words.commands.adapter, curl(adapter(job, "blender"), { flags: "-o blender.zip" })],
     [words.commands.intensity, curl(evaluations(job), { json: { view: { grid: { c_step_deg: 15, gamma_step_deg: 5 } }, format: "csv" } })],
     [words.commands.again, curl("v1/jobs", { json: request(job) })],
   ];

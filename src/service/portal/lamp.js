@@ -106,8 +106,8 @@ export class Lamp {
   }
 
   /** Where a line from `eye` along `way` first meets the surface (see `meets`). */
-  meet(eye, way, cut) {
-    return meets(this.positions, this.indices, eye, way, cut);
+  meet(eye, way, cuts) {
+    return meets(this.positions, this.indices, eye, way, cuts);
   }
 
   /** The zone with the greatest weight at a point of a triangle. */
@@ -122,11 +122,11 @@ export class Lamp {
 }
 
 /**
- * Where a line from `eye` along `way` first meets one of the triangles, on the side of the plane `cut` that is shown: triangle,
+ * Where a line from `eye` along `way` first meets one of the triangles, on the side of the planes `cuts` that is shown: triangle,
  * barycentric weights, distance, point; null where it meets none. (Möller and Trumbore, "Fast, minimum storage ray/triangle
  * intersection", 1997.)
  */
-export function meets(positions, indices, [ex, ey, ez], [dx, dy, dz], [nx, ny, nz, most] = [0, 0, 0, 1]) {
+export function meets(positions, indices, [ex, ey, ez], [dx, dy, dz], cuts = []) {
   let best = null;
   for (let triangle = 0; 3 * triangle < indices.length; triangle += 1) {
     const [a, b, c] = [3 * indices[3 * triangle], 3 * indices[3 * triangle + 1], 3 * indices[3 * triangle + 2]];
@@ -145,7 +145,7 @@ export function meets(positions, indices, [ex, ey, ez], [dx, dy, dz], [nx, ny, n
     const distance = (vx * rx + vy * ry + vz * rz) / determinant;
     if (distance <= 0 || (best && distance >= best.distance)) continue;
     const point = [ex + distance * dx, ey + distance * dy, ez + distance * dz];
-    if (nx * point[0] + ny * point[1] + nz * point[2] > most) continue;
+    if (cuts.some(([nx, ny, nz, most]) => nx * point[0] + ny * point[1] + nz * point[2] > most)) continue;
     best = { triangle, weights: [1 - beta - gamma, beta, gamma], distance, point };
   }
   return best;

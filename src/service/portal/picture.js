@@ -5,6 +5,7 @@ import { DRAWN, send, simpler } from "./simpler.js";
 import { solidOf } from "./solid.js";
 
 const HINTS = 2048;
+const UNCUT = [[0, 0, 0, 1], [0, 0, 0, 1], [0, 0, 0, 1]];
 /** Colours of the stages of a hull: projected, stitched, filled. */
 const STAGES = [[0.85, 0.25, 0.22], [0.25, 0.68, 0.32], [0.25, 0.45, 0.9]];
 const MOST_LAYERS = 256;
@@ -148,7 +149,7 @@ export class Picture {
   few() {
     if (!this.simple) {
       const { vertices, indices } = simpler(this.lamp, FEW_TRIANGLES);
-      const rows = new Float32Array(DRAWN * vertices.length);
+      const rows = new Float32Array(DRAWN * (vertices.places.length / 3));
       this.simple = {
         ...this.program(shaders.knownVertex, shaders.movingLight), ...this.stored(rows, indices),
         places: [["position", 3, 0], ["light", 4, 3]], vertices, rows,
@@ -223,10 +224,10 @@ export class Picture {
   }
 
   /**
-   * Sums light (or facts of the surface) as seen by `camera`; coarsely while it moves. `cut`: normal and place of a plane beyond which
-   * nothing is shown.
+   * Sums light (or facts of the surface) as seen by `camera`; coarsely while it moves. `cuts`: normals and places of three planes beyond
+   * which nothing is shown.
    */
-  sum(camera, mode, isCoarse = false, cut = [0, 0, 0, 1]) {
+  sum(camera, mode, isCoarse = false, cuts = UNCUT) {
     const { gl } = this;
     const aspect = this.size[0] / this.size[1];
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
@@ -234,11 +235,11 @@ export class Picture {
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     const isLight = mode === "seen" || mode === "true";
-    if (isLight && this.lamp.volume) return this.sumVolume(camera, aspect, isCoarse, cut);
-    if (mode === "solid") return this.sumSolid(camera, aspect, cut);
+    if (isLight && this.lamp.volume) return this.sumVolume(camera, aspect, isCoarse, cuts);
+    if (mode === "solid") return this.sumSolid(camera, aspect, cuts);
     const used = !isLight ? this.facts : !isCoarse ? this.light : this.isSlow ? this.few() : this.moving;
     const { program, uniforms } = used;
-    this.begin(used, camera, aspect, cut);
+    this.begin(used, camera, aspect, cuts);
     gl.uniform1f(uniforms.scale, this.unit(mode));
     if (isLight && !used.vertices) this.bindDirections(uniforms, this.zoneQ);
     if (!isLight) gl.uniform1i(uniforms.is_exitance, mode === "exitance" ? 1 : 0);
@@ -257,13 +258,13 @@ export class Picture {
   }
 
   /** What all pictures of surfaces need. */
-  begin({ program, uniforms }, camera, aspect, cut) {
+  begin({ program, uniforms }, camera, aspect, cuts) {
     const { gl } = this;
     gl.useProgram(program);
     const { clip, eye } = camera.matrices(aspect);
     gl.uniformMatrix4fv(uniforms.clip_from_source, false, clip);
     gl.uniform3fv(uniforms.eye, eye);
-    gl.uniform4fv(uniforms.cut, cut);
+    gl.uniform4fv(uniforms["cuts[0]"], cuts.flat());
   }
 
   /** The photometric solid, made when it is first asked for: as large as the lamp is shown. */
@@ -278,10 +279,10 @@ export class Picture {
     return this.solid;
   }
 
-  sumSolid(camera, aspect, cut) {
+  sumSolid(camera, aspect, cuts) {
     const { gl } = this;
     const solid = this.solidOf(camera);
-    this.begin(solid, camera, aspect, cut);
+    this.begin(solid, camera, aspect, cuts);
     gl.disable(gl.BLEND);
     gl.enable(gl.DEPTH_TEST);
     this.drawIndexed(solid);
@@ -322,7 +323,7 @@ export class Picture {
     this.coloured = mode;
   }
 
-  sumVolume(camera, aspect, isCoarse, cut) {
+  sumVolume(camera, aspect, isCoarse, cuts) {
     const { gl } = this;
     const { program, uniforms } = isCoarse ? this.movingMarch : this.march;
     const { cells, min, pitch } = this.lamp.volume;
@@ -332,7 +333,7 @@ export class Picture {
     for (let k = 0; k < 16; k += 1) gl.disableVertexAttribArray(k);
     gl.uniformMatrix4fv(uniforms.source_from_clip, false, camera.unclip(aspect));
     gl.uniform3fv(uniforms.eye, camera.eye());
-    gl.uniform4fv(uniforms.cut, cut);
+    gl.uniform4fv(uniforms["cuts[0]"], cuts.flat());
     gl.uniform1f(uniforms.scale, isCoarse ? this.volumeScale / this.mostLight : this.volumeScale);
     gl.uniform3fv(uniforms.least, min);
     gl.uniform3fv(uniforms.pitch, pitch);

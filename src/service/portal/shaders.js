@@ -51,9 +51,12 @@ vec4 q_of(int zone, Nodes n) {
 }
 `;
 
-/** What lies beyond the plane of the cut is left out: `cut` is its unit normal and how far along it the cut is, mm; a normal of 0 cuts nothing. */
+/** What lies beyond a plane of a cut is left out: `cuts` are unit normals and how far along them the cuts are, mm; a normal of 0 cuts nothing. */
 const CUT = `
-uniform vec4 cut;
+uniform vec4 cuts[3];
+bool is_cut(vec3 at) {
+  return dot(cuts[0].xyz, at) > cuts[0].w || dot(cuts[1].xyz, at) > cuts[1].w || dot(cuts[2].xyz, at) > cuts[2].w;
+}
 `;
 
 /** Vertices of the surface; `sets` times four zones for each triangle, with weights that are linear over it. */
@@ -80,7 +83,7 @@ ${places.map((k) => `flat in vec4 zone${k}; in vec4 weight${k};`).join("\n")}
 uniform vec3 eye; uniform float scale;
 out vec4 seen;
 void main() {
-  if (dot(cut.xyz, place) > cut.w) discard;
+  if (is_cut(place)) discard;
   vec3 direction = normalize(eye - place);
   Nodes n = nodes_of(direction);
   vec4 q = vec4(0.0);
@@ -122,7 +125,7 @@ uniform vec3 eye;
 out vec4 seen;
 void main() {
   vec3 across = cross(dFdx(place), dFdy(place));
-  if (dot(cut.xyz, place) > cut.w) discard;
+  if (is_cut(place)) discard;
   vec3 way = eye - place;
   float whole = length(way) * length(across);
   seen = sent * (whole / max(abs(dot(across, way)), max(0.02 * whole, 1e-30)));
@@ -143,7 +146,7 @@ in vec3 place; in vec3 across; in vec3 colour;
 uniform vec3 eye;
 out vec4 seen;
 void main() {
-  if (dot(cut.xyz, place) > cut.w) discard;
+  if (is_cut(place)) discard;
   float lit = 0.5 + 0.5 * abs(dot(normalize(across), normalize(eye - place)));
   seen = vec4(colour * lit, 1.0);
 }`;
@@ -154,7 +157,7 @@ in vec3 place; in vec4 exitance; flat in vec3 across; flat in vec3 colour;
 uniform vec3 eye; uniform float scale; uniform bool is_exitance;
 out vec4 seen;
 void main() {
-  if (dot(cut.xyz, place) > cut.w) discard;
+  if (is_cut(place)) discard;
   float lit = 0.55 + 0.45 * abs(dot(across, normalize(eye - place)));
   seen = is_exitance ? exitance / scale : vec4(colour * lit, 1.0);
 }`;
@@ -197,9 +200,11 @@ void main() {
   float from = max(max(low.x, low.y), max(low.z, 0.0));
   float to = min(high.x, min(high.y, high.z));
   seen = vec4(0.0);
-  float slope = dot(cut.xyz, way);
-  float end = (cut.w - dot(cut.xyz, eye)) / (slope == 0.0 ? 1e-12 : slope);
-  if (slope > 0.0) to = min(to, end); else if (slope < 0.0) from = max(from, end); else if (dot(cut.xyz, eye) > cut.w) return;
+  for (int k = 0; k < 3; k++) {
+    float slope = dot(cuts[k].xyz, way);
+    float end = (cuts[k].w - dot(cuts[k].xyz, eye)) / (slope == 0.0 ? 1e-12 : slope);
+    if (slope > 0.0) to = min(to, end); else if (slope < 0.0) from = max(from, end); else if (dot(cuts[k].xyz, eye) > cuts[k].w) return;
+  }
   if (to <= from) return;
   float step_mm = (to - from) / float(steps);
   for (int i = 0; i < steps; i++) seen += j_at((eye + way * (from + (float(i) + 0.5) * step_mm) - least) / pitch);

@@ -3,6 +3,7 @@
 
 /** Cells of the lattice along each axis: three of these numbers, a zone and a side are one whole number. */
 const MOST_CELLS = 2048;
+const DEG = 180 / Math.PI;
 
 /** Six sides that a surface can look to: sheets that lie back to back stay two. */
 function sideOf(x, y, z) {
@@ -16,7 +17,7 @@ function sideOf(x, y, z) {
 export const DRAWN = 7;
 
 /**
- * Vertices `{ place, light, zones }` and the order in which they make about `most` triangles. In each cell of a lattice
+ * Columns of vertices (`places`, `light`, `zones`, `weights`) and the order in which they make about `most` triangles. In each cell of a lattice
  * the vertices of one zone that look to one side are one vertex: at the place of that with the fewest triangles, because the corners and
  * rims of a sheet have fewer than its inside, and outlines stay where they are; with the mean of their light by area.
  */
@@ -30,7 +31,7 @@ export function simpler(lamp, most) {
     pitch *= Math.sqrt(found.indices.length / (3 * most));
     found = merge(lamp, count, seen, pitch);
   }
-  return found;
+  return { vertices: inColumns(found.vertices), indices: found.indices };
 }
 
 function merge(lamp, count, { sums, uses }, pitch) {
@@ -47,21 +48,52 @@ function merge(lamp, count, { sums, uses }, pitch) {
   return { vertices: [...cells.values()].map(({ vertices }) => merged(lamp, vertices, uses)), indices: corners(lamp.indices, cellOf) };
 }
 
-/** Puts the vertices as they are drawn into `rows`: what they send towards the eye, in units of `scale`. */
-export function send(lamp, vertices, eye, scale, rows) {
-  const { directions, q } = lamp;
-  const gammas = directions.gamma.length;
-  vertices.forEach(({ place, light, zones }, index) => {
-    const { c, gamma } = directions.angles([eye[0] - place[0], eye[1] - place[1], eye[2] - place[2]]);
-    const sums = [0, 0, 0, 0];
-    for (const [j, k, share] of directions.nodes(c, gamma)) {
-      if (!(share > 0)) continue;
-      const at = 4 * (j * gammas + k);
-      for (const [zone, weight] of zones) for (let part = 0; part < 4; part += 1) sums[part] += share * weight * q[zone][at + part];
+/**
+ * Puts the vertices as they are drawn into `rows`: what they send towards the eye, in units of `scale`; q is bilinear between nodes, as
+ * everywhere. It is done for each picture, so it makes nothing new, and looks for the nodes of a vertex from those of the one before.
+ */
+export function send(lamp, { places, light, zones, weights }, eye, scale, rows) {
+  const { directions: { x, y, z, c, gamma }, q } = lamp;
+  const [last, planes] = [gamma.length - 2, c.length];
+  let k = 0;
+  for (let vertex = 0; vertex < places.length / 3; vertex += 1) {
+    const [at, row] = [3 * vertex, DRAWN * vertex];
+    const wide = eye[0] - places[at], deep = eye[1] - places[at + 1], tall = eye[2] - places[at + 2];
+    const px = x[0] * wide + x[1] * deep + x[2] * tall, py = y[0] * wide + y[1] * deep + y[2] * tall;
+    const from = Math.atan2(Math.sqrt(px * px + py * py), -(z[0] * wide + z[1] * deep + z[2] * tall)) * DEG;
+    while (k > 0 && from < gamma[k]) k -= 1;
+    while (k < last && from >= gamma[k + 1]) k += 1;
+    const t = (from - gamma[k]) / (gamma[k + 1] - gamma[k]);
+    const turn = ((Math.atan2(py, px) * DEG + 360) % 360) * (planes / 360);
+    const j = Math.floor(turn) % planes, s = planes === 1 ? 0 : turn - Math.floor(turn);
+    const near = 4 * (j * gamma.length + k), far = 4 * (((j + 1) % planes) * gamma.length + k);
+    rows[row] = places[at];
+    rows[row + 1] = places[at + 1];
+    rows[row + 2] = places[at + 2];
+    for (let part = 0; part < 4; part += 1) {
+      let sum = 0;
+      for (let slot = 4 * vertex; slot < 4 * vertex + 4 && weights[slot] > 0; slot += 1) {
+        const table = q[zones[slot]];
+        const one = table[near + part] + t * (table[near + 4 + part] - table[near + part]);
+        sum += weights[slot] * (s > 0 ? one + s * (table[far + part] + t * (table[far + 4 + part] - table[far + part]) - one) : one);
+      }
+      rows[row + 3 + part] = (light[4 * vertex + part] * sum) / scale;
     }
-    rows.set(place, DRAWN * index);
-    for (let part = 0; part < 4; part += 1) rows[DRAWN * index + 3 + part] = (light[part] * sums[part]) / scale;
+  }
+}
+
+/** The vertices as columns of numbers, four zones each, those with a weight first. */
+function inColumns(vertices) {
+  const columns = { places: new Float64Array(3 * vertices.length), light: new Float64Array(4 * vertices.length), zones: new Uint32Array(4 * vertices.length), weights: new Float64Array(4 * vertices.length) };
+  vertices.forEach(({ place, light, zones }, vertex) => {
+    columns.places.set(place, 3 * vertex);
+    columns.light.set(light, 4 * vertex);
+    zones.forEach(([zone, weight], slot) => {
+      columns.zones[4 * vertex + slot] = zone;
+      columns.weights[4 * vertex + slot] = weight;
+    });
   });
+  return columns;
 }
 
 /** Sums of the normals of each vertex's triangles by area, how many those are, and the area of all. */

@@ -1,9 +1,10 @@
-// The picture with its controls: turning, zooming, what is shown, the scale, a cut, and the value under the pointer. Several pictures may
+// The picture with its controls: turning, zooming, what is shown, the scale, cuts, and the value under the pointer. Several pictures may
 // be linked: they have one camera, one scale and one pointer.
 import { announce, button, field, h, put, select } from "./dom.js";
 import { Axes } from "./axes.js";
 import { GRADIENT } from "./colour.js";
 import { Camera } from "./camera.js";
+import { cutControls, planes, uncut } from "./cut.js";
 import { intensities } from "./facts.js";
 import { meets } from "./lamp.js";
 import { Picture } from "./picture.js";
@@ -29,8 +30,6 @@ const COARSEST = 4;
 const REST_MS = 220;
 /** So often its caption follows a picture that moves: changing the page takes as long as drawing the lamp. */
 const CAPTION_MS = 100;
-/** Parts of the way of a cut through the lamp. */
-const CUT_STEPS = 200;
 
 /** The picture of a lamp; `onzone(id)` is told which zone is under the pointer, null for none. */
 export class View {
@@ -47,7 +46,7 @@ export class View {
     this.offered = all.filter((mode) => mode && (!modes || modes.includes(mode)));
     Object.assign(this, { mode: "seen", decades: 0, held: false, greatest: null, own: null, coarse: 1, cursor: null, zone: null });
     Object.assign(this, { fewUntil: 0, fewFor: FEW_FOR_MS });
-    this.cut = { axis: null, part: 0.5, isOther: false };
+    this.cuts = uncut();
     this.build();
     this.listen();
     new ResizeObserver(() => this.request()).observe(this.canvas);
@@ -71,11 +70,12 @@ export class View {
       button(words.view.fit, () => { this.camera.home(); this.moved(); }));
     this.stage = h("div", { class: "stage" }, this.canvas, this.cross, this.whence, this.axes.element, this.moves);
     this.range = select(words.view.ranges, "0", (decades) => this.become({ decades: Number(decades) }));
+    this.cutting = cutControls(this);
     this.controls = h("div", { class: "row controls" },
       field(words.view.mode, select(this.offered.map((mode) => [mode, words.view.modes[mode]]), this.mode, (mode) => this.become({ mode }))),
       field(words.view.range, this.range),
       h("label", { class: "check" }, h("input", { type: "checkbox", onchange: (event) => this.become({ held: event.target.checked }) }), words.view.hold),
-      this.cutControls());
+      this.cutting.element);
   }
 
   /** All of it as one part of a page. */
@@ -88,44 +88,9 @@ export class View {
       h("p", { class: "hint", id: "view-help" }, words.view.help));
   }
 
-  /** A plane that takes away what is beyond it: across which axis, where, and which side stays. */
-  cutControls() {
-    const at = h("input", { type: "range", min: 0, max: CUT_STEPS, value: CUT_STEPS / 2, oninput: () => change({ part: Number(at.value) / CUT_STEPS }) });
-    const other = h("input", { type: "checkbox", onchange: () => change({ isOther: other.checked }) });
-    const told = h("output", { class: "hint" });
-    const change = (cut) => {
-      Object.assign(this.cut, cut);
-      how.hidden = this.cut.axis === null;
-      this.become({ cut: { ...this.cut } });
-      told.textContent = this.cutText();
-      at.setAttribute("aria-valuetext", told.textContent);
-    };
-    this.tellCut = () => change({});
-    const axis = select(words.view.cuts, "", (chosen) => change({ axis: chosen === "" ? null : Number(chosen) }));
-    const how = h("div", { class: "cut", hidden: true }, field(words.view.cutAt, at), told, h("label", { class: "check" }, other, words.view.cutOther));
-    return [field(words.view.cut, axis), how];
-  }
-
-  cutText() {
-    const plane = this.cutPlane();
-    if (this.cut.axis === null) return "";
-    const { axis, isOther } = this.cut;
-    const place = isOther ? -plane[3] : plane[3];
-    if (this.mode !== "solid") return words.view.cutTo("XYZ"[axis], isOther, `${coordinate(place, this.camera.radius)} mm`);
-    // Lengths of the solid are intensities.
-    const { origin, reach } = this.picture.solidOf(this.camera);
-    const peak = this.lamp.solidPeak ?? peakOf(this.lamp);
-    return words.view.cutTo("XYZ"[axis], isOther, `${coordinate(((place - origin[axis]) / reach) * peak, peak)} ${this.quantity().unit}`);
-  }
-
-  /** Normal and place of the cut; beyond it nothing is shown. */
-  cutPlane() {
-    const { axis, part, isOther } = this.cut;
-    if (axis === null) return [0, 0, 0, 1];
-    const { box, middle, radius } = this.camera;
-    const [low, high] = this.mode === "solid" ? [middle[axis] - radius, middle[axis] + radius] : [box.min[axis], box.max[axis]];
-    const sign = isOther ? -1 : 1;
-    return [0, 1, 2].map((k) => (k === axis ? sign : 0)).concat(sign * (low + part * (high - low)));
+  /** The planes beyond which nothing is shown. */
+  cutPlanes() {
+    return planes(this.cuts, this.camera, this.mode === "solid");
   }
 
   become(change) {
@@ -134,7 +99,7 @@ export class View {
       if ("mode" in change) view.greatest = view.own = null;
       view.request();
     }
-    if ("mode" in change) this.tellCut();
+    if ("mode" in change) this.cutting.tell();
   }
 
   moved() {
@@ -160,7 +125,7 @@ export class View {
     const fine = Math.min(devicePixelRatio || 1, 2) / (rests ? 1 : this.coarse);
     this.picture.resize(Math.max(1, Math.round(clientWidth * fine)), Math.max(1, Math.round(clientHeight * fine)));
     this.picture.isSlow = began < this.fewUntil;
-    this.picture.sum(this.camera, this.mode, !rests, this.cutPlane());
+    this.picture.sum(this.camera, this.mode, !rests, this.cutPlanes());
     this.scale(rests);
     this.paint();
     if (rests) {
@@ -361,7 +326,7 @@ export class View {
     const pixel = [Math.min(width - 1, Math.floor(x * width)), Math.max(0, Math.ceil(height - y * height) - 1)];
     const { eye, way } = this.camera.line(2 * x - 1, 1 - 2 * y, width / height);
     if (this.mode === "solid") return this.intensityOn(eye, way);
-    const met = this.lamp.volume && (this.mode === "seen" || this.mode === "true") ? null : this.lamp.meet(eye, way, this.cutPlane());
+    const met = this.lamp.volume && (this.mode === "seen" || this.mode === "true") ? null : this.lamp.meet(eye, way, this.cutPlanes());
     const shownMode = this.mode === "zones" || this.mode === "stages" ? null : this.mode;
     const read = shownMode ? this.picture.read(...pixel, 1, 1, this.mode) : null;
     const value = read ? read[this.component()] : null;
@@ -378,7 +343,7 @@ export class View {
   /** The intensity in the direction of the point of the solid that is under the cursor. */
   intensityOn(eye, way) {
     const { positions, indices, origin } = this.picture.solid ?? {};
-    const met = positions ? meets(positions, indices, eye, way, this.cutPlane()) : null;
+    const met = positions ? meets(positions, indices, eye, way, this.cutPlanes()) : null;
     if (!met) return { text: words.view.besideSolid, value: null, unit: null, zone: null, point: null };
     const { c, gamma } = this.lamp.directions.angles(met.point.map((value, k) => value - origin[k]));
     const value = intensityAt(this.lamp, c, gamma);

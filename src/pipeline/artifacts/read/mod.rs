@@ -15,7 +15,7 @@ mod tests;
 use crate::error::Error;
 use crate::flux::Amounts;
 use crate::formats::packed::{Packing, packing};
-use crate::formats::{GLDF_PRODUCT, START_BYTES, no_model, no_model_but_gldf};
+use crate::formats::{GLDF_PRODUCT, START_BYTES, is_gldf_product, no_model, no_model_but_gldf};
 use crate::goniogram::{Goniogram, Mixture, SphereGrid};
 use crate::hull::Mesh;
 use crate::model::evaluation::Evaluator;
@@ -180,8 +180,14 @@ pub fn unpack(mut archive: impl Read + Seek) -> Result<[Vec<u8>; 2], Error> {
     }
     archive.rewind()?;
     let mut archive = ZipArchive::new(archive).map_err(unzipped)?;
-    if archive.by_name(GLDF_PRODUCT).is_ok() && archive.by_name(FILES[0]).is_err() {
-        return Err(no_model_but_gldf());
+    if archive.by_name(FILES[0]).is_err() {
+        let mut product = Vec::new();
+        if let Ok(file) = archive.by_name(GLDF_PRODUCT) {
+            file.take(START_BYTES as u64).read_to_end(&mut product)?;
+        }
+        if is_gldf_product(&product) {
+            return Err(no_model_but_gldf());
+        }
     }
     let mut file = |name: &str| -> Result<Vec<u8>, Error> {
         let mut bytes = Vec::new();

@@ -3,6 +3,7 @@ use crate::artifacts::{fixture, gltf, goniograms};
 use crate::model::Model;
 use crate::model::evaluation::Quantity;
 use crate::options::{Options, Spectra};
+use crate::writing::Artifact;
 use serde_json::{Value, json};
 
 fn files(model: &Model, spectra: Spectra) -> [Vec<u8>; 2] {
@@ -148,4 +149,13 @@ fn the_zip_of_a_model_holds_both_files() {
     let half = crate::artifacts::zip(&artifacts[..1]).unwrap();
     assert_eq!(unpack(std::io::Cursor::new(half)).unwrap_err().code(), "model.missing_file");
     assert_eq!(unpack(std::io::Cursor::new(&archive[..100])).unwrap_err().code(), "model.archive");
+    // Any zip may have a file of this name; its content tells whether this is a GLDF file.
+    let product = |text: &str| {
+        let file = Artifact::text("product.xml", "application/xml", text);
+        unpack(std::io::Cursor::new(crate::artifacts::zip(&[file]).unwrap())).unwrap_err()
+    };
+    assert_eq!(product("<?xml version=\"1.0\"?><Root><Price>1</Price></Root>").code(), "model.missing_file");
+    let schema = "https://gldf.io/xsd/gldf/1.0.0-rc.3/gldf.xsd";
+    let gldf = product(&format!("<?xml version=\"1.0\"?>\n<Root xsi:noNamespaceSchemaLocation=\"{schema}\">"));
+    assert_eq!(gldf.code(), "model.not_model");
 }

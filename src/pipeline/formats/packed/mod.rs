@@ -12,7 +12,7 @@ mod zip;
 #[cfg(test)]
 mod tests;
 
-use super::foreign::{GLDF_PRODUCT, gldf};
+use super::foreign::{GLDF, gldf};
 use super::own::{MODEL, model};
 use super::record::Bytes;
 use crate::error::Error;
@@ -107,7 +107,7 @@ pub fn no_ray_file<'a>(files: impl ExactSizeIterator<Item = (&'a str, &'a str, &
     if files.iter().any(|(_, code, found)| *code == MODEL && found.contains("emitter.glb")) {
         return model();
     }
-    if files.iter().any(|(name, ..)| *name == GLDF_PRODUCT) {
+    if files.iter().any(|(_, code, _)| *code == GLDF) {
         return gldf();
     }
     let told = match files.as_slice() {

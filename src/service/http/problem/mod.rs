@@ -8,6 +8,8 @@ mod elsewhere;
 mod models;
 /// Problems of headers that are not supported.
 mod headers;
+/// What serde says of a wrong shape, in words of JSON.
+mod shape;
 /// Problems by their cause: a store, a file or the service itself.
 mod causes;
 
@@ -150,7 +152,8 @@ impl Problem {
         Problem::new(StatusCode::BAD_REQUEST, "request.malformed_json", "The body is not JSON", detail)
     }
 
-    /// JSON or query of the wrong shape: `path` is where, `found` is serde's sentence, which is where the kinds differ.
+    /// JSON or query of the wrong shape: `path` is where, `found` is serde's sentence, which is where the kinds differ. It is told in words of
+    /// JSON: serde's are those of Rust.
     pub fn wrong_shape(path: &str, found: &str) -> Problem {
         let (code, title) = if found.starts_with("unknown field") {
             ("request.unknown_field", "Unknown field")
@@ -159,7 +162,7 @@ impl Problem {
         } else {
             ("request.wrong_type", "Wrong value")
         };
-        Problem::new(StatusCode::UNPROCESSABLE_ENTITY, code, title, format!("{found}.")).at(path)
+        Problem::new(StatusCode::UNPROCESSABLE_ENTITY, code, title, shape::plainly(found)).at(path)
     }
 
     /// The problem of a string with the character U+0000, which PostgreSQL cannot store.
