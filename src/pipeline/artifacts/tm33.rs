@@ -76,6 +76,7 @@ fn luminous(xml: &mut Xml, model: &Model) {
         candela,
         ("LuminousFlux", total.flux.luminous_lm),
     );
+    xml.close();
 }
 
 fn radiant(xml: &mut Xml, model: &Model) {
@@ -85,9 +86,10 @@ fn radiant(xml: &mut Xml, model: &Model) {
     xml.leaf("MinWavelength", &[], &plain(*from, 6));
     xml.leaf("MaxWavelength", &[], &plain(*to, 6));
     photometry(xml, model, ["RadiantIntensity", "Absolute"], watts_per_sr, ("RadiantFlux", total.flux.radiant_w));
+    xml.close();
 }
 
-/// Intensities, which are absolute, and the flux, in the element that is open; closes it.
+/// Intensities, which are absolute, and the flux, in the element that is open.
 fn photometry(
     xml: &mut Xml,
     model: &Model,
@@ -102,7 +104,6 @@ fn photometry(
     if let (name, Some(flux)) = flux {
         xml.leaf(name, &[], &decimal(flux));
     }
-    xml.close();
 }
 
 fn spectral(xml: &mut Xml, model: &Model) {

@@ -69,7 +69,7 @@ pub fn evaluate<'a>(
     let light = light.into();
     let (request, mut notices) = placed(request, &light)?;
     let request = &request;
-    let kind = check(light.clone(), request)?;
+    let kind = kind_of(&light, request)?;
     let [columns, rows] = request.view.shape()?;
     let emission = Emission::new(light.clone(), kind)?;
     watch.step(0.0)?;
@@ -101,10 +101,16 @@ fn placed(request: &Request, light: &Light<'_>) -> Result<(Request, Vec<Notice>)
 /// As [`evaluate`].
 pub fn check<'a>(light: impl Into<Light<'a>>, request: &Request) -> Result<Kind, Error> {
     let light = light.into();
+    // Told before the light is looked at: what no model could answer.
     request.check()?;
-    request.facing(&light).check()?;
-    let kind = request.kind.unwrap_or_else(|| Kind::first_known(&light));
-    let channels = kind.channels(&light)?;
+    kind_of(&light, &request.facing(&light))
+}
+
+/// Which light a request that says how a plane faces is evaluated in. Errors as [`evaluate`].
+fn kind_of(light: &Light<'_>, request: &Request) -> Result<Kind, Error> {
+    request.check()?;
+    let kind = request.kind.unwrap_or_else(|| Kind::first_known(light));
+    let channels = kind.channels(light)?;
     let [columns, rows] = request.view.shape()?;
     let numbers = columns.saturating_mul(rows).saturating_mul(channels);
     if numbers > request.most_numbers {

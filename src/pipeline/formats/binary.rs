@@ -1,4 +1,4 @@
-//! Records of little-endian binary32 numbers, one after another: what Zemax, LightTools, Speos and ASAP have in common.
+//! Records of little-endian binary32 numbers, one after another: what the binary formats have in common.
 
 use super::record::{Bytes, RawRay, Records};
 use crate::error::Error;

@@ -11,6 +11,7 @@ use crate::error::Error;
 use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::units::{Flux, LengthUnit};
+use crate::vocabulary::wavelength::LIGHT_NM;
 use std::sync::Arc;
 
 /// Bytes of the header.
@@ -19,8 +20,6 @@ const HEADER: u64 = 28;
 const RAY: u64 = 32;
 /// Sizes of a record, bytes, that hold a ray and more: polarised rays have five more numbers.
 const LARGER_RAYS: std::ops::RangeInclusive<u64> = 36..=64;
-/// Wavelengths, nm, that a light source may have.
-const LIGHT_NM: std::ops::RangeInclusive<f32> = 100.0..=20_000.0;
 
 /// Opens a file of this format.
 ///
@@ -62,7 +61,10 @@ fn has_rays(start: &[u8], length: Option<u64>) -> bool {
     let mut rays = start.get(HEADER as usize..).unwrap_or_default().chunks_exact(RAY as usize).peekable();
     let fits = |ray: &[u8]| {
         let energy = f32_in(ray, 28);
-        proof::is_unit_at(ray, 12) && LIGHT_NM.contains(&f32_in(ray, 24)) && energy.is_finite() && energy >= 0.0
+        proof::is_unit_at(ray, 12)
+            && LIGHT_NM.contains(&f64::from(f32_in(ray, 24)))
+            && energy.is_finite()
+            && energy >= 0.0
     };
     whole && totals.iter().all(|total| total.is_finite() && *total >= 0.0) && rays.peek().is_some() && rays.all(fits)
 }

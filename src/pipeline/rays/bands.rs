@@ -4,11 +4,10 @@ use crate::error::Error;
 use crate::options::{RaysOptions, bad_bands};
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::spectrum::{Bands, Table, wider};
+use crate::vocabulary::wavelength::LIGHT_NM;
 
 /// Range and step of the default bands, nm.
 const DEFAULT_NM: (f64, f64, f64) = (380.0, 780.0, 10.0);
-/// Wavelengths outside this range, nm, are not light anybody models; bands do not follow them.
-const LIGHT_NM: (f64, f64) = (100.0, 20_000.0);
 /// Most bands the default grows to.
 const MOST_BANDS: f64 = 400.0;
 
@@ -61,11 +60,11 @@ impl Reach {
     }
 }
 
-/// Range of the default bands when they are widened to hold `low..high`, nm; `None` where that is too wide.
+/// Range of the default bands when they are widened to hold `low..high`, nm; `None` where that is too wide, or no light anybody models.
 fn widened(low: f64, high: f64) -> Option<(f64, f64)> {
     let (from, to, step) = DEFAULT_NM;
     let (from, to) = (from.min((low / step).floor() * step), to.max((high / step).ceil() * step));
-    let fits = from >= LIGHT_NM.0 && to <= LIGHT_NM.1 && (to - from) / step <= MOST_BANDS;
+    let fits = LIGHT_NM.contains(&from) && LIGHT_NM.contains(&to) && (to - from) / step <= MOST_BANDS;
     fits.then_some((from, to))
 }
 

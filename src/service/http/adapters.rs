@@ -2,7 +2,7 @@
 
 use super::api::Api;
 use super::extract::{Path, Query};
-use super::files::{FileFacts, PartAnswers, PartHeaders, answer, unmade, without_making};
+use super::files::{FileFacts, Length, PartAnswers, PartHeaders, answer, unmade, without_making};
 use super::problem::Problem;
 use super::rays::model_files;
 use crate::accounts::access::Access;
@@ -94,7 +94,7 @@ pub async fn adapt(
     let what = format!("{renderer}-{}", light.map_or("", LightKind::name));
     let unmade = unmade(&files, &what, format!("{renderer}.zip"), "application/zip");
     // HEAD reads no model: without an earlier request it tells no length.
-    let length = || Ok(Some(api.models.lengths.of(&unmade.etag)));
+    let length = || Ok(api.models.lengths.of(&unmade.etag).map_or(Length::Untold, Length::Known));
     if let Some(told) = without_making(&unmade, &method, &headers, length)? {
         return Ok(told);
     }

@@ -105,8 +105,18 @@ pub fn unmade(files: &[StoredArtifact; 2], what: &str, name: String, media_type:
     FileFacts { name, media_type: media_type.to_owned(), byte_count: 0, etag }
 }
 
-/// The answer that needs no file, for one that is made when it is asked for: a condition keeps it from being sent, or it is a HEAD and `length`
-/// knows what to tell of its bytes (within: nothing).
+/// What can be told of the length of a file before it is made.
+pub enum Length {
+    /// Its bytes.
+    Known(u64),
+    /// Nothing, and a HEAD is answered without it.
+    Untold,
+    /// Nothing yet, and a HEAD is answered as soon as the file says it.
+    OfTheFile,
+}
+
+/// The answer that needs no file, for one that is made when it is asked for: a condition keeps it from being sent, or it is a HEAD whose
+/// `length` does not wait for the file.
 ///
 /// # Errors
 /// `If-Match` is false; those of `length`.
@@ -114,13 +124,19 @@ pub fn without_making(
     file: &FileFacts,
     method: &Method,
     headers: &HeaderMap,
-    length: impl FnOnce() -> Result<Option<Option<u64>>, Problem>,
+    length: impl FnOnce() -> Result<Length, Problem>,
 ) -> Result<Option<Response>, Problem> {
     if matches!(wanted(headers, &file.etag, 0), Wanted::Nothing | Wanted::Changed) {
         return promise(file, None, headers).map(Some);
     }
-    let told = if *method == Method::HEAD { length()? } else { None };
-    told.map(|byte_count| promise(file, byte_count, headers)).transpose()
+    if *method != Method::HEAD {
+        return Ok(None);
+    }
+    match length()? {
+        Length::Known(byte_count) => promise(file, Some(byte_count), headers).map(Some),
+        Length::Untold => promise(file, None, headers).map(Some),
+        Length::OfTheFile => Ok(None),
+    }
 }
 
 /// Answers what has no body (HEAD, or a condition that keeps the file from being sent) for a file that is made when it is asked for, without

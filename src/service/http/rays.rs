@@ -2,7 +2,7 @@
 
 use super::api::Api;
 use super::extract::{Path, Query};
-use super::files::{FileFacts, PartAnswers, PartHeaders, answer, unmade, without_making};
+use super::files::{FileFacts, Length, PartAnswers, PartHeaders, answer, unmade, without_making};
 use super::job::find;
 use super::problem::Problem;
 use crate::accounts::access::Access;
@@ -127,7 +127,7 @@ pub async fn draw(
     let unmade = unmade(&files, &what, name, "application/octet-stream");
     let request = RayRequest { count, seed, low_discrepancy, target: format.target() };
     // Where no earlier request has told the length, the model is read for it.
-    let length = || Ok(api.models.ray_bytes(&files, request)?.map(Some));
+    let length = || Ok(api.models.ray_bytes(&files, request)?.map_or(Length::OfTheFile, Length::Known));
     if let Some(told) = without_making(&unmade, &method, &headers, length)? {
         return Ok(told);
     }

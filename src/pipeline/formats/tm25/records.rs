@@ -3,6 +3,7 @@
 use super::additional::COLUMN_NAME_BYTES;
 use super::header::{ALIGNMENT, Flags, Header};
 use crate::error::Error;
+use crate::formats::binary::{float, triple};
 use crate::formats::proof;
 use crate::formats::record::{Bytes, RawRay, Records};
 use crate::vocabulary::notice::Notices;
@@ -156,11 +157,11 @@ impl Records for Tm25Records {
         self.bytes.read_at(layout.start + first * layout.record_bytes(), &mut block)?;
         let (words, _) = block.as_chunks::<4>();
         rays.extend(words.chunks_exact(layout.columns).map(|record| {
-            let at = |k: usize| record.get(k).map_or(0.0, |word| f64::from(f32::from_le_bytes(*word)));
+            let at = |k: usize| float(record, k);
             let or_zero = |column: Option<usize>| column.map_or(0.0, at);
             RawRay {
-                origin_mm: [at(0), at(1), at(2)],
-                direction: [at(3), at(4), at(5)],
+                origin_mm: triple(record, 0, 1.0),
+                direction: triple(record, 3, 1.0),
                 radiant: or_zero(layout.radiant),
                 luminous: or_zero(layout.luminous),
                 wavelength_nm: or_zero(layout.wavelength),

@@ -12,7 +12,7 @@ use crate::vocabulary::limits::Limits;
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::spectrum::Table;
 use crate::vocabulary::units::{Flux, LengthUnit};
-use std::ops::RangeInclusive;
+use crate::vocabulary::wavelength::{NM_PER_UM, WavelengthUnit};
 use std::sync::Arc;
 
 /// First word of a file: current, and the older one of Radiant ProSource.
@@ -21,12 +21,6 @@ pub const IDENTIFIERS: [i32; 2] = [1010, 8_675_309];
 pub const HEADER: u64 = 208;
 /// Bytes of the header as 64-bit Linux programs write it that declare a field `long`: all after byte 140 is 4 bytes late.
 const HEADER_LONG: u64 = 212;
-/// Nanometres per micrometre.
-pub const NM_PER_UM: f64 = 1000.0;
-/// Wavelengths, µm, that a light source may have.
-const LIGHT_UM: RangeInclusive<f32> = 0.1..=20.0;
-/// The same range in nm. Numbers this large in a column of µm are nm: as µm they would be far infrared or radio.
-const LIGHT_NM: RangeInclusive<f32> = 100.0..=20_000.0;
 /// Rays looked at to see whether their flux and wavelength are where they belong.
 const SPECTRAL_RAYS: u64 = 64;
 /// What is told of a file with wavelengths in nm.
@@ -230,15 +224,15 @@ impl Header {
 
     /// A wavelength in the header of a flux-only file is that of all its rays; 0 stands for a composite, NaN for nothing.
     fn spectral(&self, layout: &Layout, notices: &mut Notices) -> SpectralData {
-        let stored = f32_in(&self.block, 116);
+        let stored = f64::from(f32_in(&self.block, 116));
         if layout.spectral {
             return SpectralData::Wavelength;
         }
-        let nm = if LIGHT_UM.contains(&stored) {
-            f64::from(stored) * NM_PER_UM
-        } else if LIGHT_NM.contains(&stored) {
+        let nm = if WavelengthUnit::Micrometre.is_light(stored) {
+            stored * NM_PER_UM
+        } else if WavelengthUnit::Nanometre.is_light(stored) {
             notices.add("zemax.wavelength_nm", IN_NANOMETRES);
-            f64::from(stored)
+            stored
         } else {
             return SpectralData::None;
         };
@@ -287,7 +281,9 @@ impl Spectral {
         let all = |test: fn(f32, f32) -> bool| block.chunks_exact(32).all(|r| test(f32_in(r, 24), f32_in(r, 28)));
         Ok(match looked {
             0 => Spectral::AsDocumented,
-            _ if all(|_, wavelength| LIGHT_NM.contains(&wavelength)) => Spectral::InNanometres,
+            _ if all(|_, wavelength| WavelengthUnit::Nanometre.is_light(f64::from(wavelength))) => {
+                Spectral::InNanometres
+            }
             _ if all(|flux, wavelength| (0.2..=2.5).contains(&flux) && !(0.2..1.0).contains(&wavelength)) => {
                 Spectral::LooksSwapped
             }

@@ -3,10 +3,11 @@
 //! Of the header OpticStudio uses the count, the unit, the format and the flux type. The rest is written where it is known
 //! and 0 where it is not: angles, place and rotation are informational.
 
-use super::binary::{HEADER, IDENTIFIERS, NM_PER_UM};
+use super::binary::{HEADER, IDENTIFIERS};
 use crate::formats::record::RawRay;
 use crate::formats::writer;
 use crate::formats::writer::{Encode, put};
+use crate::vocabulary::wavelength::NM_PER_UM;
 use std::io;
 use std::io::Write;
 
