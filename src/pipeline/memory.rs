@@ -15,8 +15,8 @@ const MIB: f64 = (1 << 20) as f64;
 /// Program, readers and small things; and the chunks of rays of each thread.
 const PROCESS: f64 = 8.0 * MIB;
 const THREAD: f64 = 3.5 * MIB;
-/// A ray of the sample by which surfaces are compared, and the model of one that was compared; and most rays of the sample.
-const SAMPLED_RAY: f64 = 400.0;
+/// A ray of the sample by which surfaces are compared, and the models of two that are compared; and most rays of the sample.
+const SAMPLED_RAY: f64 = 700.0;
 const MOST_SAMPLED: f64 = 70_000.0;
 /// A cell of the lattice: its count, its slot, whether it is solid, and the coarser lattices.
 const LATTICE_CELL: f64 = 12.0;

@@ -112,6 +112,7 @@ async fn an_equal_evaluation_is_computed_once_and_a_key_makes_one_job() {
     // So it is for who has taken all places with new rays of this model.
     let mut open = Vec::new();
     while site.get(&format!("/v1/jobs/{job}/rays?count=1")).await.status == StatusCode::OK {
+        assert!(open.len() < 100, "no place is ever refused");
         let endless = site.begin(&format!("/v1/jobs/{job}/rays?count=1000000000000")).await;
         let mut body = endless.into_body().into_data_stream();
         assert!(!body.next().await.unwrap().unwrap().is_empty());

@@ -49,6 +49,8 @@ const LEAST_COSINE: f64 = 0.01;
 const FLAT: f64 = 1e-4;
 /// Candidates have at most so many cells along their longest edge: their rays fill no more.
 const MOST_CELLS: u32 = 64;
+/// Models of so many candidates are made at once: each has the memory of one (`memory.rs`).
+const SIDE_BY_SIDE: usize = 2;
 /// Of fewer rays no part is held out.
 const FEWEST_RAYS: usize = 2500;
 /// Where progress stands when focal surfaces have been searched for, when candidates have been compared, and when the model that is
@@ -83,30 +85,35 @@ pub fn choose(source: &Source, options: &Options, limits: &Limits, watch: StageW
     let groups = BandGroups::of(source, &sample.training.rays);
     // The one that will be verified has its spectrum, where that is to be compared; those that are only compared do without.
     let is_only = matches!(open[..], [Carrier::Origins | Carrier::Volume]);
+    // Zones that were asked for may be many and large.
+    let side_by_side = if options.goniogram.zones.is_none() { SIDE_BY_SIDE } else { 1 };
     let mut compared = Compared::of(&sample);
     let mut left = watch.part(SEARCHED, COMPARED);
     while !open.is_empty() {
-        // They are made side by side; what is told of their progress is where all of them began.
-        let begun = left.part(0.0, 0.0);
+        let part = left.part(0.0, 0.7);
         left = left.part(0.7, 1.0);
+        // Of those made side by side, progress is where all of them began.
+        let told = |stage| if open.len() == 1 { part_of(part, stage) } else { part.part(0.0, 0.0) };
         let build = |carrier: &Carrier| -> Result<(Model, Vec<f64>), Error> {
             let with_spectrum = Cloud::sampled(source, &sample.training, *carrier);
             let cloud = if is_only && groups.is_some() { with_spectrum } else { with_spectrum.plain() };
-            let model = Model::build(&cloud, None, &options, limits, |_| Ok(begun))?;
+            let model = Model::build(&cloud, None, &options, limits, |stage| Ok(told(stage)))?;
             let judged = log_radiances(&model, source, &sample.held_out);
             Ok((model, judged))
         };
-        let built: Vec<Result<(Model, Vec<f64>), Error>> = open.par_iter().map(build).collect();
-        for (carrier, built) in open.iter().zip(built) {
-            match built {
-                // What is too much for the options is so for all rays too, and said there.
-                Err(Error::Refused(_)) if compared.study.candidates.is_empty() && carrier.patch().is_none() => {
-                    return Ok(Chosen { carrier: *carrier, study: None, sample });
+        for carriers in open.chunks(side_by_side) {
+            let built: Vec<Result<(Model, Vec<f64>), Error>> = carriers.par_iter().map(build).collect();
+            for (carrier, built) in carriers.iter().zip(built) {
+                match built {
+                    // What is too much for the options is so for all rays too, and said there.
+                    Err(Error::Refused(_)) if compared.study.candidates.is_empty() && carrier.patch().is_none() => {
+                        return Ok(Chosen { carrier: *carrier, study: None, sample });
+                    }
+                    // What does not go with the options is no choice.
+                    Err(Error::Refused(_)) if emission == Emission::Auto => {}
+                    Err(error) => return Err(error),
+                    Ok((model, judged)) => compared.add(*carrier, model, judged, &sample.held_out),
                 }
-                // What does not go with the options is no choice.
-                Err(Error::Refused(_)) if emission == Emission::Auto => {}
-                Err(error) => return Err(error),
-                Ok((model, judged)) => compared.add(*carrier, model, judged, &sample.held_out),
             }
         }
         let more = more_symmetric(open[open.len() - 1], &compared.study, |patch| {
@@ -151,7 +158,7 @@ impl Compared {
     }
 }
 
-/// The part of a candidate's watch that is a stage's.
+/// The part of a model's watch that is a stage's.
 fn part_of(part: StageWatch<'_>, stage: Stage) -> StageWatch<'_> {
     match stage {
         Stage::Rays | Stage::Hull => part.part(0.0, 0.2),

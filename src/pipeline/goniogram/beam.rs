@@ -124,12 +124,14 @@ impl NarrowLight {
         let total: f64 = bins.iter().map(|[flux, _]| flux).sum();
         let bin_deg = 180.0 / BINS as f64;
         let width_deg = (end - first) as f64 * bin_deg;
-        let is_belt = first > 1 && end < BINS - 1 && width_deg <= BELT_DEG && flux >= FLUX_OF_BELT * total;
+        if !(first > 1 && end < BINS - 1 && width_deg <= BELT_DEG && flux >= FLUX_OF_BELT * total) {
+            return None;
+        }
         let middle_deg = 0.5 * (first + end) as f64 * bin_deg;
         let nodes = nodes_of_belt(middle_deg, width_deg);
         let is_lit = |gamma_deg: &&f64| bins[((**gamma_deg / bin_deg) as usize).min(BINS - 1)][1] > 0.0;
         let lit = nodes.iter().filter(is_lit).count() as f64 / nodes.len() as f64;
-        is_belt.then_some(NarrowLight::Belt { width_deg, middle_deg, lit })
+        Some(NarrowLight::Belt { width_deg, middle_deg, lit })
     }
 
     /// Part of the nodes of γ that are lit, at most.

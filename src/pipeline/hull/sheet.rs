@@ -2,12 +2,11 @@
 
 use super::cloud::Cloud;
 use super::disjoint_sets::Groups;
-use super::focal::{FocalGrid, FocalPatch};
-use super::loose::Loose;
+use super::focal::{Crossing, FocalGrid, FocalPatch};
+use super::loose::{Loose, MOST_KEPT};
 use super::mesh::{Hull, Label};
 use super::symmetry::Symmetry;
 use crate::error::Error;
-use crate::source::Ray;
 use crate::vocabulary::notice::Notices;
 use crate::vocabulary::watch::StageWatch;
 use glam::DVec3;
@@ -46,15 +45,13 @@ pub fn wrap(
     };
     let cells = [along(extent_mm.x), along(extent_mm.y)];
     let lit: Vec<AtomicBool> = (0..cells[0] * cells[1]).map(|_| AtomicBool::new(false)).collect();
-    let fits = |ray: &Ray| {
-        let Some(crossing) = patch.meet(ray) else { return false };
+    let light_up = |crossing: &Crossing| {
         let lit = &lit[FocalGrid::place(&patch, cells, crossing.at_mm).0];
         if !lit.load(Ordering::Relaxed) {
             lit.store(true, Ordering::Relaxed);
         }
-        true
     };
-    let loose = Loose::of(cloud, patch, watch.part(0.0, 0.4), fits)?;
+    let loose = Loose::of(cloud, patch, MOST_KEPT, watch.part(0.0, 0.4), light_up)?;
     let lit = patch.symmetry.spread(cells, lit.into_iter().map(AtomicBool::into_inner).collect());
     let sheet = of_grid(patch, cells, &lit);
     if loose.is_empty() {

@@ -18,13 +18,13 @@ const KINDS: [(&str, &str); 21] = [
     ("sequence", "a list"),
     ("unit value", "null"),
     ("null", "null"),
+    ("string or map", "a name or an object"),
     ("boolean ", "the value "),
     ("integer ", "the number "),
     ("floating point ", "the number "),
     ("string ", "the string "),
     ("a boolean", "true or false"),
     ("struct ", "an object"),
-    ("an array of length ", "a list of this length: "),
     ("u8", "a whole number of 0 or more"),
     ("u16", "a whole number of 0 or more"),
     ("u32", "a whole number of 0 or more"),
@@ -50,6 +50,9 @@ pub(super) fn plainly(found: &str) -> String {
     if let Some((count, expected)) = parts("invalid length ") {
         if expected.starts_with("struct ") {
             return "It is a list; an object is expected.".to_owned();
+        }
+        if let Some(expected) = expected.strip_prefix("an array of length ") {
+            return format!("It has {count} entries; {expected} are expected.");
         }
         return format!("Its length is {count}; {} is expected.", in_json(expected));
     }
@@ -113,13 +116,14 @@ mod tests {
                 "It is the string \"1, expected u32\"; a whole number of 0 or more is expected.",
             ),
             (json!({"size": []}), "It is a list; a number is expected."),
-            (json!({"place": [0, 0]}), "Its length is 2; a list of this length: 3 is expected."),
+            (json!({"place": [0, 0]}), "It has 2 entries; 3 are expected."),
             (json!({"name": {}}), "It is an object; a string is expected."),
             (json!([]), "It is a list; an object is expected."),
             (json!({"inner": []}), "It is a list; an object is expected."),
             (json!({"inner": 5}), "It is the number `5`; an object is expected."),
             (json!({"list": [null]}), "It is null; a whole number of 0 or more is expected."),
             (json!({"is_lit": "yes"}), "It is the string \"yes\"; true or false is expected."),
+            (json!({"kind": 5}), "It is the number `5`; a name or an object is expected."),
             (json!({"kind": "oval"}), "It is `oval`; `round` or `square` is expected."),
         ] {
             assert_eq!(told(value), expected);
