@@ -55,19 +55,10 @@ impl Ray {
     /// A number that looks like chance and follows from the line and the column of the ray, not from its place in the file: a shuffled
     /// file is sampled alike, and one whose numbers are written with the digits of an f32.
     pub fn hash(&self) -> u64 {
-        let [x, y, z] = self.origin_mm.to_array();
-        let [k, l, m] = self.direction.to_array();
-        let pair = |a: f64, b: f64| u64::from((a as f32).to_bits()) << 32 | u64::from((b as f32).to_bits());
-        // Words mixed two by two wait for each other less than one after another.
-        hash(product(pair(x, y), pair(z, k)) ^ product(pair(l, m), u64::from(self.column)))
+        let line = self.origin_mm.to_array().into_iter().chain(self.direction.to_array());
+        let bits = line.map(|number| u64::from((number as f32).to_bits())).chain([u64::from(self.column)]);
+        bits.fold(0, |hashed, bits| hash(hashed ^ bits))
     }
-}
-
-/// A product of two words that depends on every bit of both: its upper half and its lower half in one (as in W. Yi's wyhash). The words
-/// are moved away from 0, whose products are all the same, by digits of π.
-fn product(a: u64, b: u64) -> u64 {
-    let whole = u128::from(a ^ 0x243f_6a88_85a3_08d3) * u128::from(b ^ 0x1319_8a2e_0370_7344);
-    (whole >> 64) as u64 ^ whole as u64
 }
 
 /// How the source's spectrum is carried through the pipeline: rays deposit into columns, columns become bands at the end.
